@@ -1,0 +1,199 @@
+"""Reading and writing artifacts: atomic, versioned, digested, never pickled.
+
+Arrays live in `.npz`, tables in Parquet, small facts in JSON, networks in safetensors beside a JSON card. Each
+carries a schema name, a version and a digest of its content; a loader checks all three, since DVC does not notice
+a damaged cache file. Heavy readers are imported by the function that needs them, so that a stage pays only for
+what it uses.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+import os
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from p2l.errors import ArtifactError
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import torch
+
+AnyArray = npt.NDArray[Any]
+_META = "__p2l__"
+
+
+@contextmanager
+def atomic(path: Path | str) -> Iterator[Path]:
+    """Yield a temporary path beside `path`; on success it replaces `path`, on any error nothing is left behind."""
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}.", suffix=path.suffix)
+    os.close(handle)
+    temporary = Path(name)
+    try:
+        yield temporary
+        umask = os.umask(0)
+        os.umask(umask)
+        temporary.chmod(0o666 & ~umask)
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def write_text(path: Path | str, text: str) -> None:
+    """Write UTF-8 text atomically."""
+    with atomic(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def config_hash(config: Any) -> str:
+    """A short stable hash of plain data (dicts, lists, numbers, strings)."""
+    return hashlib.blake2b(json.dumps(config, sort_keys=True, default=str).encode(), digest_size=8).hexdigest()
+
+
+def _digest_arrays(arrays: Mapping[str, AnyArray]) -> str:
+    digest = hashlib.blake2b(digest_size=16)
+    for name in sorted(arrays):
+        array = np.ascontiguousarray(arrays[name])
+        digest.update(f"{name}:{array.dtype.str}:{array.shape}".encode())
+        digest.update(array.tobytes())
+    return digest.hexdigest()
+
+
+def _require(path: Path) -> Path:
+    if not path.is_file():
+        raise ArtifactError(f"{path}: no such artifact; run the stage that makes it (see `dvc dag`)")
+    return path
+
+
+def _check(path: Path, found: Mapping[str, Any], schema: str, version: int, digest: str) -> None:
+    if found.get("schema") != schema or found.get("version") != version:
+        raise ArtifactError(
+            f"{path}: holds schema '{found.get('schema')}' version {found.get('version')}; "
+            f"expected '{schema}' version {version}. Run the stage that makes it again."
+        )
+    if found.get("digest") != digest:
+        raise ArtifactError(f"{path}: content does not match its digest (damaged). Delete it and run `dvc repro`.")
+
+
+def save_arrays(path: Path | str, arrays: Mapping[str, AnyArray], *, schema: str, version: int) -> None:
+    """Write named arrays to a compressed `.npz` with schema, version and digest inside."""
+    kept = {name: np.asarray(array) for name, array in arrays.items()}
+    if bad := [name for name, array in kept.items() if array.dtype.hasobject or name == _META]:
+        raise ArtifactError(f"{path}: arrays {bad} hold Python objects or use a reserved name")
+    meta = json.dumps({"schema": schema, "version": version, "digest": _digest_arrays(kept)})
+    with atomic(path) as temporary, temporary.open("wb") as stream:
+        np.savez_compressed(stream, **kept, **{_META: np.frombuffer(meta.encode(), np.uint8)})
+
+
+def load_arrays(path: Path | str, *, schema: str, version: int) -> dict[str, AnyArray]:
+    """Read a `.npz` written by `save_arrays`.
+
+    Raises:
+        ArtifactError: missing, unreadable, of another schema or version, or damaged.
+    """
+    path = _require(Path(path))
+    try:
+        with np.load(path, allow_pickle=False) as stored:
+            arrays = {name: stored[name] for name in stored.files}
+        meta = json.loads(arrays.pop(_META).tobytes())
+    except (OSError, ValueError, KeyError, EOFError) as error:
+        raise ArtifactError(f"{path}: not a p2l array artifact ({error})") from error
+    except Exception as error:  # zipfile and zlib raise their own types on damaged data
+        raise ArtifactError(f"{path}: damaged ({error}). Delete it and run `dvc repro`.") from error
+    _check(path, meta, schema, version, _digest_arrays(arrays))
+    return arrays
+
+
+def save_json(path: Path | str, content: Mapping[str, Any], *, schema: str, version: int) -> None:
+    """Write small facts; NaN and infinity are refused because JSON has neither."""
+    body = json.dumps(content, sort_keys=True, allow_nan=False)
+    digest = hashlib.blake2b(body.encode(), digest_size=16).hexdigest()
+    envelope = {"schema": schema, "version": version, "digest": digest, **content}
+    if clash := {"schema", "version", "digest"} & set(content):
+        raise ArtifactError(f"{path}: reserved keys {sorted(clash)}")
+    write_text(path, json.dumps(envelope, indent=1, allow_nan=False) + "\n")
+
+
+def load_json(path: Path | str, *, schema: str, version: int) -> dict[str, Any]:
+    """Read a JSON artifact written by `save_json` (raises `ArtifactError`)."""
+    path = _require(Path(path))
+    try:
+        envelope: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
+    except ValueError as error:
+        raise ArtifactError(f"{path}: not JSON ({error})") from error
+    content = {key: value for key, value in envelope.items() if key not in ("schema", "version", "digest")}
+    digest = hashlib.blake2b(json.dumps(content, sort_keys=True).encode(), digest_size=16).hexdigest()
+    _check(path, envelope, schema, version, digest)
+    return content
+
+
+def save_table(path: Path | str, table: pd.DataFrame, *, schema: str, version: int) -> None:
+    """Write a table to Parquet with schema, version and digest in its metadata; the index is not kept."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    arrow = pa.Table.from_pandas(table, preserve_index=False)
+    meta = {"schema": schema, "version": version, "digest": _digest_table(arrow)}
+    arrow = arrow.replace_schema_metadata({_META: json.dumps(meta)})
+    with atomic(path) as temporary:
+        pq.write_table(arrow, temporary)
+
+
+def load_table(path: Path | str, *, schema: str, version: int) -> pd.DataFrame:
+    """Read a Parquet table written by `save_table` (raises `ArtifactError`)."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    path = _require(Path(path))
+    try:
+        arrow = pq.read_table(path)
+        meta = json.loads((arrow.schema.metadata or {})[_META.encode()])
+    except (pa.ArrowException, OSError, KeyError, ValueError) as error:
+        raise ArtifactError(f"{path}: not a p2l table ({error})") from error
+    _check(path, meta, schema, version, _digest_table(arrow))
+    frame: pd.DataFrame = arrow.replace_schema_metadata(None).to_pandas()
+    return frame
+
+
+def _digest_table(arrow: Any) -> str:
+    body = json.dumps({name: arrow.column(name).to_pylist() for name in arrow.column_names}, default=str)
+    return hashlib.blake2b(body.encode(), digest_size=16).hexdigest()
+
+
+def save_network(path: Path | str, state: Mapping[str, torch.Tensor], card: Mapping[str, Any], *, schema: str) -> None:
+    """Write weights to `<path>` (safetensors) and what they mean to `<path>.json`; the card holds their digest."""
+    from safetensors.torch import save
+
+    path = Path(path)
+    data = save({name: tensor.detach().cpu().contiguous() for name, tensor in state.items()})
+    with atomic(path) as temporary:
+        temporary.write_bytes(data)
+    weights = hashlib.blake2b(data, digest_size=16).hexdigest()
+    save_json(path.with_suffix(path.suffix + ".json"), {**card, "weights": weights}, schema=schema, version=1)
+
+
+def load_network(path: Path | str, *, schema: str) -> tuple[dict[str, torch.Tensor], dict[str, Any]]:
+    """Read weights and card written by `save_network` (raises `ArtifactError`)."""
+    from safetensors.torch import load
+
+    path = _require(Path(path))
+    card = load_json(path.with_suffix(path.suffix + ".json"), schema=schema, version=1)
+    data = path.read_bytes()
+    if hashlib.blake2b(data, digest_size=16).hexdigest() != card.pop("weights"):
+        raise ArtifactError(f"{path}: weights do not match their card. Delete both and run `dvc repro`.")
+    return load(data), card
+
+
+def finite(value: float) -> float | None:
+    """`value`, or None where JSON and MLflow cannot hold it (NaN, infinity)."""
+    return float(value) if math.isfinite(value) else None
