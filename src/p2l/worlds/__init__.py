@@ -1,0 +1,1 @@
+"""Task distributions: each world is one file, one YAML and one registry line."""
