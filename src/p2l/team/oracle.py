@@ -1,0 +1,29 @@
+"""The exhaustive oracle: every set of lessons, every other task at its best. For tests and for very small problems."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from p2l.errors import SolverError
+from p2l.records import BoolArray
+from p2l.team.outcome import decide, objective
+from p2l.team.problem import Problem
+
+LARGEST = 14
+
+
+def exhaustive(problem: Problem) -> BoolArray:
+    """[n] the lessons of a cheapest plan, found by trying all 2^n sets (the smallest index set wins a tie).
+
+    Raises:
+        SolverError: more than 14 tasks.
+    """
+    if problem.n > LARGEST:
+        raise SolverError(f"exhaustive: {problem.n} tasks given; it tries every set, so at most {LARGEST}. Use 'auto'")
+    best, lessons = float("inf"), np.zeros(problem.n, dtype=bool)
+    for code in range(1 << problem.n):
+        taught = (code >> np.arange(problem.n)) & 1 == 1
+        cost = objective(problem, decide(problem, taught)).total
+        if cost < best:
+            best, lessons = cost, taught
+    return lessons

@@ -1,0 +1,124 @@
+"""Useful pairs: the only part of the transfer table that a plan can use.
+
+Delegation and the pre-trained skills fold into one outside option per task, b_i = min(c_hum, c_rob + (1 - ρ_0) c_fail).
+A lesson matters to a task only where it is cheaper than that. What is left is stored by demand (compressed rows),
+each row sorted by cost, so that a bound reads only the front of a row.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from p2l.records import Array, BoolArray, IntArray
+from p2l.team.problem import Problem
+
+_BLOCK = 4_000_000  # entries of the dense table that are looked at together
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """A facility location instance with an outside option, in compressed rows.
+
+    Attributes:
+        opening: [F] cost f_j of opening a facility.
+        outside: [D] cost b_i of leaving a demand to the outside option; infinite where there is none.
+        start: [D + 1] where each demand's row begins.
+        facility: [Z] int32, facility of each pair.
+        cost: [Z] service cost c_ij, ascending within a row, each below the row's outside cost.
+    """
+
+    opening: Array
+    outside: Array
+    start: IntArray
+    facility: npt.NDArray[np.int32]
+    cost: Array
+
+    @property
+    def demands(self) -> int:
+        """D."""
+        return len(self.outside)
+
+    @property
+    def facilities(self) -> int:
+        """F."""
+        return len(self.opening)
+
+    def rows(self) -> IntArray:
+        """[Z] demand of each pair."""
+        return np.repeat(np.arange(self.demands), np.diff(self.start))
+
+    def keep(self, pair: BoolArray, opening: Array | None = None, outside: Array | None = None) -> Pairs:
+        """The instance with only the pairs [Z] marked True, and new opening or outside costs if given."""
+        counts = np.concatenate([[0], np.cumsum(pair)])
+        return Pairs(
+            opening=self.opening if opening is None else opening,
+            outside=self.outside if outside is None else outside,
+            start=counts[self.start],
+            facility=self.facility[pair],
+            cost=self.cost[pair],
+        )
+
+
+def of_problem(problem: Problem) -> Pairs:
+    """The useful pairs of a team problem: demand and facility i are task i and its lesson, which serves it at 0."""
+    outside = problem.outside
+    n = problem.n
+    columns = np.arange(n)
+
+    def block(low: int, high: int) -> tuple[Array, BoolArray]:
+        fail = problem.c_fail[low:high, None]
+        cost = problem.c_rob[low:high, None] + (1.0 - problem.transfer[:, low:high].T) * fail
+        own = np.arange(high - low)
+        cost[own, low + own] = 0.0
+        useful = cost < outside[low:high, None]
+        if problem.order == "fixed":
+            useful &= columns[None, :] <= np.arange(low, high)[:, None]
+        return cost, useful
+
+    return _collect(problem.c_demo, outside, block)
+
+
+def of_table(opening_cost: Array, service_cost: Array) -> Pairs:
+    """All pairs of a plain instance: opening_cost [F], service_cost [D, F], no outside option."""
+
+    def block(low: int, high: int) -> tuple[Array, BoolArray]:
+        cost = service_cost[low:high]
+        return cost, np.ones(cost.shape, dtype=bool)
+
+    return _collect(opening_cost, np.full(len(service_cost), np.inf), block)
+
+
+def _collect(opening: Array, outside: Array, block: Callable[[int, int], tuple[Array, BoolArray]]) -> Pairs:
+    demands, width = len(outside), max(1, len(opening))
+    step = max(1, _BLOCK // width)
+    counts, facility, cost = [np.zeros(1, dtype=np.int64)], [], []
+    for low in range(0, demands, step):
+        column, value, count = _sorted_rows(*block(low, min(demands, low + step)))
+        facility.append(column.astype(np.int32))
+        cost.append(value)
+        counts.append(count)
+    return Pairs(
+        opening=opening,
+        outside=outside,
+        start=np.cumsum(np.concatenate(counts)),
+        facility=np.concatenate(facility),
+        cost=np.concatenate(cost),
+    )
+
+
+def _sorted_rows(table: Array, useful: BoolArray) -> tuple[IntArray, Array, IntArray]:
+    """Columns, values and row counts of the useful entries, ascending by value within each row."""
+    count = useful.sum(axis=1)
+    if count.sum() < 0.25 * useful.size:  # sorting whole rows would mostly sort what is thrown away
+        row, column = np.nonzero(useful)
+        value = table[row, column]
+        by_cost = np.lexsort((value, row))
+        return column[by_cost], value[by_cost], count
+    ranked = np.where(useful, table, np.inf)
+    column = ranked.argsort(axis=1)
+    front = np.arange(table.shape[1]) < count[:, None]
+    return column[front], np.take_along_axis(ranked, column, axis=1)[front], count

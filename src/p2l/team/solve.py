@@ -1,0 +1,73 @@
+"""Solve a Pyomo model with HiGHS and say honestly how it ended."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import pyomo.environ as pyo
+from pyomo.contrib.solver.common.factory import SolverFactory
+from pyomo.contrib.solver.common.results import Results, SolutionStatus, TerminationCondition
+from pyomo.repn import generate_standard_repn
+
+from p2l.errors import SolverError
+
+_ENDED_BY_TIME = (TerminationCondition.maxTimeLimit, TerminationCondition.iterationLimit)
+_IMPOSSIBLE = (TerminationCondition.provenInfeasible, TerminationCondition.infeasibleOrUnbounded)
+
+
+@dataclass(frozen=True)
+class Ending:
+    """How a solve ended: `finished` (inside the requested gap), whether the model holds a solution, and the bound."""
+
+    finished: bool
+    has_solution: bool
+    lower_bound: float
+
+
+def solve_model(model: Any, *, time_limit_s: float, gap: float = 0.0, threads: int = 1) -> Ending:
+    """Minimise a Pyomo model with HiGHS and load the best solution found into it.
+
+    Args:
+        model: any linear `pyo.ConcreteModel` with one objective.
+        time_limit_s: wall seconds; at the limit the best solution so far is loaded.
+        gap: relative gap at which HiGHS may stop.
+        threads: HiGHS threads.
+
+    Raises:
+        SolverError: a coefficient that is not finite (HiGHS would silently call NaN optimal), a time limit of zero or
+            less, or a model without any solution.
+    """
+    if not time_limit_s > 0.0:
+        raise SolverError(f"time limit: {time_limit_s} s given; it must be above 0")
+    _refuse_nonfinite(model)
+    solver = SolverFactory("highs")
+    results: Results = solver.solve(
+        model,
+        time_limit=time_limit_s,
+        rel_gap=gap,
+        abs_gap=0.0,
+        threads=threads,
+        solver_options={"mip_feasibility_tolerance": 1e-9, "primal_feasibility_tolerance": 1e-9},
+        load_solutions=False,
+        raise_exception_on_nonoptimal_result=False,
+    )
+    ended = results.termination_condition
+    if ended in _IMPOSSIBLE:
+        raise SolverError(f"{model.name}: HiGHS proved that no solution exists; relax the added constraints")
+    finished = ended == TerminationCondition.convergenceCriteriaSatisfied
+    if not finished and ended not in _ENDED_BY_TIME:
+        raise SolverError(f"{model.name}: HiGHS stopped with '{ended.name}'; try planner=facility")
+    found = results.solution_status in (SolutionStatus.optimal, SolutionStatus.feasible)
+    if found:
+        results.solution_loader.load_vars()
+    bound = results.objective_bound
+    return Ending(finished, found, float(bound) if bound is not None and math.isfinite(bound) else -math.inf)
+
+
+def _refuse_nonfinite(model: Any) -> None:
+    for part in model.component_data_objects((pyo.Objective, pyo.Constraint), active=True):
+        repn = generate_standard_repn(part.body if part.ctype is pyo.Constraint else part.expr)
+        if not all(math.isfinite(pyo.value(value)) for value in (repn.constant, *repn.linear_coefs)):
+            raise SolverError(f"{model.name}: '{part.name}' holds NaN or infinity; check the costs before solving")
