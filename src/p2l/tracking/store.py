@@ -1,0 +1,145 @@
+"""Where runs are stored: reaching an MLflow store quickly, or saying clearly why it cannot be reached."""
+
+from __future__ import annotations
+
+import os
+import sqlite3
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from tempfile import TemporaryFile
+from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
+
+from filelock import FileLock, Timeout
+
+from p2l.errors import TrackingError
+
+if TYPE_CHECKING:
+    from mlflow import MlflowClient
+
+_LOCK_S = 120.0
+_PROBE = {  # the first contact fails in seconds; later calls keep MLflow's patience
+    "MLFLOW_HTTP_REQUEST_MAX_RETRIES": "0",
+    "MLFLOW_HTTP_REQUEST_TIMEOUT": "5",
+}
+_WAY_OUT = "Set MLFLOW_TRACKING_URI (or tracking.uri) to a store that works, or run with tracking.enabled=false."
+
+
+def safe_uri(uri: str) -> str:
+    """`uri` without a password."""
+    parts = urlsplit(uri)
+    if parts.password is None:
+        return uri
+    host = parts.netloc.rpartition("@")[2]
+    return parts._replace(netloc=f"{parts.username}:***@{host}").geturl()
+
+
+def connect(root: Path, uri: str | None = None) -> tuple[str, MlflowClient]:
+    """A client of the store at `uri`, after a round trip to it.
+
+    Args:
+        root: the repository; its `mlflow.db` is the default store.
+        uri: overrides `MLFLOW_TRACKING_URI`, which overrides the default.
+
+    Returns:
+        the store's URI and the client.
+
+    Raises:
+        TrackingError: the store cannot be reached, or cannot be written.
+    """
+    store = uri or os.environ.get("MLFLOW_TRACKING_URI") or f"sqlite:///{root.resolve() / 'mlflow.db'}"
+    if not urlsplit(store).scheme.startswith(("http", "sqlite", "postgresql", "mysql", "mssql", "databricks")):
+        raise TrackingError(
+            f"MLflow store '{safe_uri(store)}': given neither a database nor a server; "
+            f"allowed are sqlite:///<path>, http(s)://<host>, postgresql://… and mysql://…. {_WAY_OUT}"
+        )
+    os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
+    os.environ.setdefault("MLFLOW_LOGGING_LEVEL", "WARNING")
+    with _first_touch(store), _environment(_PROBE):
+        try:
+            from mlflow import MlflowClient
+
+            client = MlflowClient(tracking_uri=store)
+            client.search_experiments(max_results=1)
+        except Exception as error:  # requests, SQLAlchemy and MLflow each raise their own
+            reason = str(error).strip().split("\n")[0][:160]
+            raise TrackingError(f"MLflow at {safe_uri(store)} cannot be reached: {reason}. {_WAY_OUT}") from error
+    return store, client
+
+
+def experiment(client: MlflowClient, store: str, name: str) -> str:
+    """Id of the experiment `name`, created if need be; artifacts of a sqlite store lie beside its file."""
+    from mlflow.exceptions import MlflowException
+
+    database = _database(store)
+    place = (database.parent / "mlartifacts" / name).as_uri() if database else None
+    with _first_touch(store):
+        found = client.get_experiment_by_name(name)
+        if found is None:
+            try:
+                return str(client.create_experiment(name, artifact_location=place))
+            except MlflowException:  # another process was faster
+                found = client.get_experiment_by_name(name)
+    if found is None or found.lifecycle_stage != "active":
+        raise TrackingError(
+            f"MLflow experiment '{name}' is deleted in {safe_uri(store)}; restore it or use another store"
+        )
+    return str(found.experiment_id)
+
+
+def _database(store: str) -> Path | None:
+    """The file of a sqlite store."""
+    if not store.startswith("sqlite:"):
+        return None
+    path = store.partition("://")[2].removeprefix("/").partition("?")[0]
+    return Path(path).absolute() if path else None
+
+
+@contextmanager
+def _first_touch(store: str) -> Iterator[None]:
+    """Hold the lock of a sqlite store: processes that create its tables at the same time crash each other."""
+    database = _database(store)
+    if database is None:
+        yield
+        return
+    if not database.parent.is_dir():
+        raise TrackingError(f"MLflow store {database}: no such folder {database.parent}. {_WAY_OUT}")
+    try:
+        TemporaryFile(dir=database.parent).close()  # the lock would wait on a folder that refuses it
+        with FileLock(f"{database}.lock", timeout=_LOCK_S):
+            _writable(database)
+            yield
+    except Timeout as error:
+        raise TrackingError(
+            f"{database}.lock is held for {_LOCK_S:.0f} s by another process; is one hanging?"
+        ) from error
+    except OSError as error:
+        raise TrackingError(
+            f"MLflow store {database} cannot be written: {error.strerror or error}. {_WAY_OUT}"
+        ) from error
+
+
+def _writable(database: Path) -> None:
+    """Raise at once what MLflow would retry for minutes: a read-only or foreign file."""
+    try:
+        connection = sqlite3.connect(database, timeout=30.0)
+        try:
+            connection.execute("BEGIN IMMEDIATE")
+            connection.rollback()
+        finally:
+            connection.close()
+    except sqlite3.Error as error:
+        raise TrackingError(f"MLflow store {database} cannot be written: {error}. {_WAY_OUT}") from error
+
+
+@contextmanager
+def _environment(values: Mapping[str, str]) -> Iterator[None]:
+    """Set variables that the user has not set, for a while."""
+    added = {name: value for name, value in values.items() if name not in os.environ}
+    os.environ.update(added)
+    try:
+        yield
+    finally:
+        for name in added:
+            os.environ.pop(name, None)

@@ -1,0 +1,175 @@
+"""What every stage shares: Hydra composes, the schema validates, the tracker opens, then the stage runs.
+
+    @stage("collect", CollectConfig)
+    def run(cfg: CollectConfig, out: Path, track: Tracker) -> None: ...
+
+    if __name__ == "__main__":
+        run()
+
+`out` is Hydra's output folder, the only place a stage writes to. A `P2LError`, and any mistake on the command line, is
+one message on standard error and exit code 2, with nothing left behind. A failing job of a sweep leaves its siblings
+alone.
+"""
+
+from __future__ import annotations
+
+import functools
+import logging
+import os
+import re
+import shlex
+import sys
+import traceback
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import hydra
+from hydra.core.hydra_config import HydraConfig
+from hydra.errors import HydraException
+from hydra.types import RunMode
+from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+
+from p2l.artifacts import write_text
+from p2l.errors import P2LError
+from p2l.schema import StageConfig, resolve, validate
+from p2l.tracking import RUN_FILE, RunCard, Tracker, start
+from stages import ROOT
+
+ConfigT = TypeVar("ConfigT", bound=StageConfig)
+StageFunction = Callable[[ConfigT, Path, Tracker], None]
+
+PARENT_VARIABLE = "P2L_PARENT_RUN"
+CONFIG_FILE, LOG_FILE = "config.yaml", "stage.log"
+_ALWAYS = ("hydra.output_subdir=null", "hydra/job_logging=none")  # this module keeps the config and the log
+
+
+class JobError(Exception):
+    """A job ended in an error that it has already reported; crosses process borders."""
+
+    def __init__(self, code: int) -> None:
+        super().__init__(code)
+        self.code = code
+
+
+def stage(name: str, schema: type[ConfigT]) -> Callable[[StageFunction[ConfigT]], Callable[[], None]]:
+    """Make a function the stage `name`, whose configuration is `conf/<name>.yaml` and obeys `schema`."""
+
+    def decorate(function: StageFunction[ConfigT]) -> Callable[[], None]:
+        @functools.wraps(function)
+        def job(composed: DictConfig) -> None:
+            _job(name, schema, function, composed)
+
+        entry = hydra.main(config_path=str(ROOT / "conf"), config_name=name, version_base="1.3")(job)
+
+        @functools.wraps(function)
+        def main() -> None:
+            sys.exit(_command_line(name, entry))
+
+        return main
+
+    return decorate
+
+
+def _command_line(name: str, entry: Callable[[], Any]) -> int:
+    """Run Hydra on the command line; returns the exit code."""
+    os.environ["HYDRA_FULL_ERROR"] = "1"  # else Hydra reports errors in its own way and exits with 1
+    sys.argv[1:] = _arguments(sys.argv[1:])
+    try:
+        entry()
+    except JobError as failure:
+        return failure.code
+    except (HydraException, OmegaConfBaseException) as error:
+        print(f"stage {name}: {_one_message(error)}\nSee `python -m stages.{name} --help`.", file=sys.stderr)  # noqa: T201
+        return P2LError.exit_code
+    return 0
+
+
+def _arguments(given: list[str]) -> list[str]:
+    """Options first, since Hydra wants the overrides together; a config path counts from the working folder."""
+    options: list[str] = []
+    overrides: list[str] = []
+    for word in given:
+        if options and options[-1] in ("-cp", "--config-path"):
+            options.append(str(Path(word).resolve()))
+        elif word.startswith("--config-path="):
+            options.append(f"--config-path={Path(word.partition('=')[2]).resolve()}")
+        else:
+            (overrides if re.match(r"[^-].*=|~", word) else options).append(word)
+    keys = {word.partition("=")[0] for word in overrides}
+    return options + overrides + [always for always in _ALWAYS if always.partition("=")[0] not in keys]
+
+
+def _one_message(error: BaseException) -> str:
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    if error.__cause__ is not None and (cause := str(error.__cause__).splitlines()):
+        lines.append(f"({cause[0]})")
+    return "\n  ".join(dict.fromkeys(lines))
+
+
+def _job(name: str, schema: type[ConfigT], function: StageFunction[ConfigT], composed: DictConfig) -> None:
+    """One run, alone or in a sweep; reports its own errors, then ends the process or, in a sweep, raises `JobError`."""
+    settings = HydraConfig.get()
+    out = Path(settings.runtime.output_dir)
+    sweep = settings.mode == RunMode.MULTIRUN
+    title = f"stage {name} [{' '.join(settings.overrides.task)}]" if sweep else f"stage {name}"
+    failed = JobError if sweep else SystemExit  # Hydra lets the jobs after a JobError run, and adds words to it
+    _log_to(out)
+    try:
+        _run(name, schema, function, composed, out)
+    except P2LError as error:
+        _clear(out)
+        print(f"{title}: {error}", file=sys.stderr)  # noqa: T201
+        raise failed(error.exit_code) from None
+    except Exception:
+        print(f"{title}: unexpected error\n{traceback.format_exc()}", file=sys.stderr)  # noqa: T201
+        raise failed(1) from None
+
+
+def _run(name: str, schema: type[ConfigT], function: StageFunction[ConfigT], composed: DictConfig, out: Path) -> None:
+    cfg = validate(resolve(composed), schema, "configuration")
+    plain = cfg.model_dump(mode="json")
+    card = RunCard(
+        stage=name,
+        world=cfg.world,
+        method=cfg.method,
+        seed=cfg.seed,
+        config=plain,
+        config_hash=cfg.hash,
+        command=_command(name),
+        parent=os.environ.get(PARENT_VARIABLE),
+    )
+    with start(card, out, ROOT, enabled=cfg.tracking.enabled, uri=cfg.tracking.uri) as track:
+        write_text(out / CONFIG_FILE, OmegaConf.to_yaml(OmegaConf.create(plain)))
+        function(cfg, out, track)
+
+
+def _command(name: str) -> str:
+    """The command that runs this job again, alone."""
+    settings = HydraConfig.get()
+    words = ["python", "-m", f"stages.{name}"]
+    [source] = [entry.path for entry in settings.runtime.config_sources if entry.provider == "main"]
+    if Path(source) != ROOT / "conf":
+        words += ["-cp", os.path.relpath(source), "-cn", str(settings.job.config_name)]
+    kept = [word for word in settings.overrides.hydra if word.startswith("hydra.run.dir=")]
+    return shlex.join([*words, *settings.overrides.task, *kept])
+
+
+def _log_to(out: Path) -> None:
+    """Log to standard error and, from the first message on, to `out/stage.log`."""
+    screen, file = logging.StreamHandler(), logging.FileHandler(out / LOG_FILE, delay=True)
+    logging.basicConfig(
+        level=logging.INFO, format="%(asctime)s %(name)s: %(message)s", handlers=[screen, file], force=True
+    )
+    for chatty in ("alembic", "mlflow.store.db.utils", "matplotlib", "numba", "git"):
+        logging.getLogger(chatty).setLevel(logging.WARNING)
+
+
+def _clear(out: Path) -> None:
+    """Take away what this module wrote, so that a refused input leaves nothing."""
+    logging.basicConfig(handlers=[logging.StreamHandler()], force=True)
+    for file in (RUN_FILE, CONFIG_FILE, LOG_FILE):
+        (out / file).unlink(missing_ok=True)
+    if out.is_dir() and not any(out.iterdir()):
+        out.rmdir()
