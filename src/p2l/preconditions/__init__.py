@@ -1,0 +1,1 @@
+"""Where a skill works: collected transfer data, and the model that predicts it."""
