@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -29,7 +30,7 @@ def freeze(
     finite: bool = True,
     low: float | None = None,
     high: float | None = None,
-) -> npt.NDArray[np.generic]:
+) -> npt.NDArray[Any]:
     """Return `value` as a read-only contiguous array after checking its shape, finiteness and range.
 
     A letter in `shape` is bound in `sizes` by the first array that uses it and must agree afterwards.
@@ -94,7 +95,7 @@ class TransferData:
         """[K, M] success rates."""
         return np.asarray(self.successes / self.draws, dtype=np.float64)
 
-    def arrays(self) -> dict[str, npt.NDArray[np.generic]]:
+    def arrays(self) -> dict[str, npt.NDArray[Any]]:
         """The record as named arrays, for `artifacts.save_arrays`."""
         return {
             "names": np.array(self.names),
@@ -108,15 +109,15 @@ class TransferData:
         }
 
     @classmethod
-    def from_arrays(cls, arrays: Mapping[str, npt.NDArray[np.generic]]) -> TransferData:
+    def from_arrays(cls, arrays: Mapping[str, npt.NDArray[Any]]) -> TransferData:
         """Rebuild the record; the constructor checks it."""
         return cls(
             names=tuple(str(name) for name in arrays["names"]),
-            features=arrays["features"],  # type: ignore[arg-type]
+            features=arrays["features"],
             feature_names=tuple(str(name) for name in arrays["feature_names"]),
-            group=arrays["group"],  # type: ignore[arg-type]
-            train_task=arrays["train_task"],  # type: ignore[arg-type]
-            successes=arrays["successes"],  # type: ignore[arg-type]
-            draws=int(arrays["draws"]),  # type: ignore[call-overload]
-            skills=arrays["skills"],  # type: ignore[arg-type]
+            group=arrays["group"],
+            train_task=arrays["train_task"],
+            successes=arrays["successes"],
+            draws=int(arrays["draws"]),
+            skills=arrays["skills"],
         )

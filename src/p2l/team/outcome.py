@@ -85,7 +85,7 @@ def best_skills(problem: Problem, taught: BoolArray, sequence: IntArray) -> tupl
 
 
 def _checked(problem: Problem, sequence: IntArray) -> IntArray:
-    steps: IntArray = freeze("sequence", sequence, ("n",), {"n": problem.n}, np.int64)  # type: ignore[assignment]
+    steps: IntArray = freeze("sequence", sequence, ("n",), {"n": problem.n}, np.int64)
     natural = np.arange(problem.n)
     if not np.array_equal(np.sort(steps), natural):
         raise ShapeError("sequence: is not a permutation of the tasks; list every task index once")

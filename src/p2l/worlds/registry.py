@@ -47,4 +47,6 @@ def get_domain(name: str, params: Mapping[str, Any] | None = None) -> Domain:
     return factory(**given)
 
 
+register("board", "p2l.skills.insertion:board")
+register("insertion", "p2l.skills.insertion:insertion")
 register("lego", "p2l.worlds.lego:Lego")

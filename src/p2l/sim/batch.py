@@ -1,0 +1,185 @@
+"""The batched engine: N states advance together through `mujoco.rollout`, one control step at a time.
+
+State in, state out: a row of `states` holds everything that decides its future (the full physics state and the
+pose of the impedance target), so restoring a moment is handing its row back. Every call covers exactly one control
+step because `rollout` starts each call with a cold solver; with that rule any way to cut an episode gives the same
+trace to the bit, alone or in a batch, on any number of threads.
+
+Axis letters: N rows, S state columns, T physics steps in a control step, U controls, D sensor values.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from types import TracebackType
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+from mujoco import rollout
+
+from p2l.errors import ConfigError, ShapeError
+from p2l.records import Array, IntArray
+from p2l.sim.model import AXES, TARGET_BODY
+
+_PHYSICS = mujoco.mjtState.mjSTATE_FULLPHYSICS
+_INPUT = int(mujoco.mjtState.mjSTATE_CTRL | mujoco.mjtState.mjSTATE_MOCAP_POS | mujoco.mjtState.mjSTATE_MOCAP_QUAT)
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """One control step of N rows.
+
+    Attributes:
+        states: [N, S] at the end of the step.
+        sensors: [N, T, D] after every physics step.
+    """
+
+    states: Array
+    sensors: Array
+
+
+class Engine:
+    """Steps batches of states; rows may use different models of one size.
+
+    It remembers the models, the threads and scratch memory, never a state.
+
+    Args:
+        models: interchangeable models (same sizes and names), with `sim.model.add_impedance` applied.
+        control_period_s: duration of a control step; a whole number of physics steps.
+        nthread: simulator threads.
+
+    Raises:
+        ConfigError: no model, unlike models, no impedance target, or a period that is no multiple of the time step.
+    """
+
+    def __init__(self, models: Sequence[mujoco.MjModel], *, control_period_s: float, nthread: int = 2) -> None:
+        if not models:
+            raise ConfigError("engine: needs at least one model")
+        first = models[0]
+        steps = control_period_s / first.opt.timestep
+        if round(steps) < 1 or abs(steps - round(steps)) > 1e-6:
+            raise ConfigError(f"engine: control period {control_period_s} s is no multiple of {first.opt.timestep} s")
+        for index, model in enumerate(models):
+            same = (model.nq, model.nv, model.nu, model.nmocap, model.nsensordata, model.opt.timestep)
+            if same != (first.nq, first.nv, first.nu, first.nmocap, first.nsensordata, first.opt.timestep):
+                raise ConfigError(f"engine: model {index} has other sizes than model 0; rows of a batch must be alike")
+        if first.nmocap != 1 or mujoco.mj_name2id(first, mujoco.mjtObj.mjOBJ_BODY, TARGET_BODY) < 0:
+            raise ConfigError("engine: the models have no impedance target; call add_impedance first")
+        self.models = tuple(models)
+        self.physics_steps = round(steps)
+        self.timestep_s = float(first.opt.timestep)
+        self.control_period_s = control_period_s
+        self.physics_size = int(mujoco.mj_stateSize(first, _PHYSICS))
+        self.state_size = self.physics_size + 7
+        self.control_names = tuple(first.actuator(i).name for i in range(first.nu))
+        self.sensor_columns = _sensor_columns(first)
+        self.nq, self.nv = int(first.nq), int(first.nv)
+        self._pool = rollout.Rollout(nthread=nthread)
+        self._data = [mujoco.MjData(first) for _ in range(max(1, nthread))]
+
+    def __enter__(self) -> Engine:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Stop the threads."""
+        self._pool.close()
+
+    def states_from(self, qpos: npt.ArrayLike, target_pos: npt.ArrayLike, target_quat: npt.ArrayLike) -> Array:
+        """Rows at rest: [N, S] from joint positions [N, nq] and target poses [N, 3] m, [N, 4] (w, x, y, z)."""
+        positions = np.atleast_2d(np.asarray(qpos, dtype=np.float64))
+        states = np.zeros((len(positions), self.state_size))
+        states[:, 1 : 1 + self.nq] = positions
+        states[:, self.physics_size : self.physics_size + 3] = target_pos
+        states[:, self.physics_size + 3 :] = target_quat
+        return states
+
+    def qpos(self, states: Array) -> Array:
+        """[N, nq] joint positions."""
+        return states[:, 1 : 1 + self.nq]
+
+    def qvel(self, states: Array) -> Array:
+        """[N, nv] joint velocities."""
+        return states[:, 1 + self.nq : 1 + self.nq + self.nv]
+
+    def target_pos(self, states: Array) -> Array:
+        """[N, 3] where the impedance target stands, world frame, m."""
+        return states[:, self.physics_size : self.physics_size + 3]
+
+    def step(
+        self, states: Array, target_pos: Array, target_quat: Array, control: Array, model_index: IntArray
+    ) -> Chunk:
+        """Advance every row by one control step.
+
+        Args:
+            states: [N, S].
+            target_pos: [N, 3] world frame, m; the target moves there linearly during the step.
+            target_quat: [N, 4] unit quaternions (w, x, y, z), reached by normalised interpolation.
+            control: [N, U] in the order of `control_names` (stiffnesses first where the scene has no others).
+            model_index: [N] which model each row uses.
+
+        Raises:
+            ShapeError: an input has another shape, or holds NaN.
+        """
+        rows = len(states)
+        self._check(states, target_pos, target_quat, control, model_index)
+        before = states[:, self.physics_size :]
+        sign = np.where((before[:, 3:] * target_quat).sum(1, keepdims=True) < 0.0, -1.0, 1.0)
+        after = np.concatenate([target_pos, sign * target_quat], axis=1)
+        fraction = (np.arange(1, self.physics_steps + 1) / self.physics_steps)[None, :, None]
+        units = len(self.control_names)
+        inputs = np.empty((rows, self.physics_steps, units + 7))
+        inputs[..., :units] = control[:, None]
+        inputs[..., units:] = before[:, None] * (1.0 - fraction) + after[:, None] * fraction
+        inputs[..., units + 3 :] /= np.linalg.norm(inputs[..., units + 3 :], axis=-1, keepdims=True)
+        models = [self.models[index] for index in model_index.tolist()]
+        physics = np.ascontiguousarray(states[:, : self.physics_size])
+        path, sensors = self._pool.rollout(models, self._data, physics, inputs, control_spec=_INPUT)
+        ended = np.concatenate([path[:, -1], inputs[:, -1, units:]], axis=1)
+        return Chunk(states=ended, sensors=sensors)
+
+    def stiffness(self, rows: int, linear: npt.ArrayLike, angular: npt.ArrayLike) -> Array:
+        """[N, U] controls with these stiffnesses (N/m, N·m/rad; numbers or [N]) and zeros elsewhere."""
+        control = np.zeros((rows, len(self.control_names)))
+        for axis, label in enumerate(AXES):
+            control[:, self.control_names.index(f"impedance_{label}")] = linear if axis < 3 else angular
+        return control
+
+    def sensor(self, chunk: Chunk, name: str) -> Array:
+        """[N, T, d] values of one named sensor.
+
+        Raises:
+            ConfigError: no such sensor.
+        """
+        if name not in self.sensor_columns:
+            raise ConfigError(f"engine: no sensor '{name}'; sensors: {', '.join(self.sensor_columns) or 'none'}")
+        return chunk.sensors[..., self.sensor_columns[name]]
+
+    def _check(self, states: Array, pos: Array, quat: Array, control: Array, index: IntArray) -> None:
+        rows = len(states)
+        wanted = {
+            "states": (states, (rows, self.state_size)),
+            "target_pos": (pos, (rows, 3)),
+            "target_quat": (quat, (rows, 4)),
+            "control": (control, (rows, len(self.control_names))),
+            "model_index": (index, (rows,)),
+        }
+        for name, (array, shape) in wanted.items():
+            if array.shape != shape:
+                raise ShapeError(f"engine.step: {name} has shape {array.shape}; expected {shape}")
+        for name in ("states", "target_pos", "target_quat", "control"):
+            if not np.isfinite(wanted[name][0]).all():
+                raise ShapeError(f"engine.step: {name} holds NaN or infinity")
+
+
+def _sensor_columns(model: mujoco.MjModel) -> dict[str, slice]:
+    return {
+        model.sensor(i).name: slice(int(model.sensor_adr[i]), int(model.sensor_adr[i] + model.sensor_dim[i]))
+        for i in range(model.nsensor)
+    }
