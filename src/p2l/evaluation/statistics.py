@@ -31,8 +31,8 @@ class Interval:
         return np.asarray((self.low > 0) | (self.high < 0))
 
 
-def wilson(successes: npt.ArrayLike, trials: npt.ArrayLike, level: float = 0.95) -> tuple[Array, Array, Array]:
-    """Rate and Wilson score limits of `successes` in `trials`, which broadcast; no trials give NaN and [0, 1].
+def wilson_interval(successes: npt.ArrayLike, trials: npt.ArrayLike, level: float = 0.95) -> tuple[Array, Array]:
+    """Wilson score limits (low, high) of the rate `successes / trials`, which broadcast; no trials give [0, 1].
 
     Raises:
         ShapeError: negative counts, or more successes than trials.
@@ -49,7 +49,7 @@ def wilson(successes: npt.ArrayLike, trials: npt.ArrayLike, level: float = 0.95)
     # At 0 and at all successes the limit is exact; rounding must not push it off by an ulp.
     low = np.where(none | (count == 0), 0.0, np.maximum(centre - half, 0.0))
     high = np.where(none | (count == total), 1.0, np.minimum(centre + half, 1.0))
-    return rate, low, high
+    return low, high
 
 
 def t_interval(values: npt.ArrayLike, level: float = 0.95) -> Interval:

@@ -102,6 +102,12 @@ class Reliability:
     executions: IntArray
     pairs: IntArray
 
+    @property
+    def rate(self) -> Array:
+        """[B] success rate; NaN in an empty bin."""
+        with np.errstate(invalid="ignore"):
+            return np.asarray(self.successes / self.executions)
+
 
 def reliability(p: Array, successes: IntArray, draws: int, bins: int = 10) -> Reliability:
     """Counts behind a reliability diagram of predictions [N]."""
