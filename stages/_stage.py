@@ -30,6 +30,7 @@ from hydra.errors import HydraException
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
+from yaml import YAMLError  # type: ignore[import-untyped]
 
 from p2l.artifacts import write_text
 from p2l.errors import P2LError
@@ -80,7 +81,7 @@ def _command_line(name: str, entry: Callable[[], Any]) -> int:
         entry()
     except JobError as failure:
         return failure.code
-    except (HydraException, OmegaConfBaseException) as error:
+    except (HydraException, OmegaConfBaseException, YAMLError, ValueError) as error:  # a job reports its own
         print(f"stage {name}: {_one_message(error)}\nSee `python -m stages.{name} --help`.", file=sys.stderr)  # noqa: T201
         return P2LError.exit_code
     return 0

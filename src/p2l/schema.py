@@ -18,6 +18,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 
 from p2l.artifacts import config_hash
 from p2l.errors import ConfigError
+from p2l.team.study import Regime, Study
 from p2l.worlds.registry import known_domains
 
 Count = Annotated[int, Field(ge=1)]
@@ -31,6 +32,12 @@ def _known(name: str) -> str:
     if name not in known_domains():
         raise ValueError(f"unknown domain; allowed: {', '.join(known_domains())}")
     return name
+
+
+def _known_domains(names: tuple[str, ...]) -> tuple[str, ...]:
+    if not names or len(set(names)) < len(names):
+        raise ValueError("name at least one domain, and none twice")
+    return tuple(_known(name) for name in names)
 
 
 class Section(BaseModel):
@@ -95,6 +102,41 @@ class DomainStageConfig(StageConfig):
         return self.domain.name
 
 
+class RegimeConfig(CostsConfig):
+    """Costs that all tasks share, and the numbers of pre-trained skills at which they are studied."""
+
+    levels: Annotated[tuple[Annotated[int, Field(ge=0)], ...], Field(min_length=1)]
+
+
+class StudyConfig(Section):
+    """An experiment of chapter 3; see `p2l.team.study.Study` for the meaning of each field."""
+
+    set_size: Count
+    sets: Count
+    blocks: Count
+    pool: Count
+    pretrained_pool: Annotated[int, Field(ge=0)]
+    draws: Count
+    tuning_sets: Count
+    theta: Probability
+    orders: tuple[tuple[str, ...], ...]
+    regimes: Annotated[dict[str, RegimeConfig], Field(min_length=1)]
+
+    @model_validator(mode="after")
+    def _possible(self) -> StudyConfig:
+        try:
+            self.study()
+        except ConfigError as error:
+            raise ValueError(str(error)) from None
+        return self
+
+    def study(self) -> Study:
+        """The frozen record that the planner's room works with."""
+        plain = self.model_dump(exclude={"regimes"})
+        regimes = tuple(Regime(name=name, **regime.model_dump()) for name, regime in self.regimes.items())
+        return Study(regimes=regimes, **plain)
+
+
 class CollectConfig(DomainStageConfig):
     """Stage `collect` (Algorithm 1): tasks, skills learnt on some of them, and every skill tried on every task."""
 
@@ -140,6 +182,9 @@ class PlanConfig(DomainStageConfig):
 
     tasks: Path | None
     transfer: Path | None
+    study: StudyConfig
+    transfer_model: Path
+    transfer_data: Path
     planner: str
     order: Literal["fixed", "any"]
     time_limit_s: Positive
@@ -167,7 +212,10 @@ class PlanConfig(DomainStageConfig):
 class EvaluateTeamConfig(DomainStageConfig):
     """Stage `evaluate_team`: plans run in the world they were made for."""
 
+    study: StudyConfig
     plans: Path
+    records: Path | None
+    time_limit_s: Positive
 
     @property
     def method(self) -> str:
@@ -180,6 +228,7 @@ class ReportConfig(StageConfig):
 
     preset: str
     domains: tuple[str, ...]
+    overrides: dict[str, tuple[str, ...]] = Field(default_factory=dict)
     data: Path
 
 
@@ -187,7 +236,7 @@ class ConfigStageConfig(StageConfig):
     """Stage `config`: composes and validates the configuration of every other stage (see `conf/pipeline.yaml`)."""
 
     preset: str
-    domains: Annotated[tuple[Annotated[str, AfterValidator(_known)], ...], Field(min_length=1)]
+    domains: Annotated[tuple[str, ...], AfterValidator(_known_domains)]
     overrides: dict[str, tuple[str, ...]] = Field(default_factory=dict)
 
 

@@ -1,0 +1,67 @@
+"""Stage `config`: compose, validate and write the configuration of every stage of every item.
+
+DVC watches the written files, whole, as params of the stages that read them: what Hydra resolves is what reruns.
+"""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Mapping
+from pathlib import Path
+
+from hydra import compose
+from hydra.errors import HydraException
+from omegaconf import OmegaConf
+
+from p2l.artifacts import write_text
+from p2l.errors import ConfigError
+from p2l.schema import SCHEMAS, ConfigStageConfig, resolve, validate
+from p2l.tracking import Tracker
+from stages import ROOT
+from stages._stage import stage
+
+DOMAIN_STAGES = ("collect", "fit_transfer", "plan", "evaluate_team")
+
+
+@stage("config", ConfigStageConfig)
+def run(cfg: ConfigStageConfig, out: Path, track: Tracker) -> None:  # noqa: ARG001
+    """Write `out/<item>/<stage>.yaml`; items are the domains and the report. All are valid before one is written."""
+    if unknown := sorted(set(cfg.overrides) - {*DOMAIN_STAGES, "report"}):
+        raise ConfigError(f"overrides: unknown stages {unknown}; allowed: {', '.join((*DOMAIN_STAGES, 'report'))}")
+    if not (ROOT / "conf" / "experiment" / f"{cfg.preset}.yaml").is_file():
+        allowed = sorted(path.stem for path in (ROOT / "conf" / "experiment").glob("*.yaml"))
+        raise ConfigError(f"preset: given '{cfg.preset}'; allowed: {', '.join(allowed)}")
+    texts = {
+        f"{domain}/{name}": composed(cfg, name, [f"domain={domain}", f"experiment={cfg.preset}"])
+        for domain in cfg.domains
+        for name in DOMAIN_STAGES
+    }
+    texts["report/report"] = composed(cfg, "report", [f"preset={cfg.preset}", f"domains=[{','.join(cfg.domains)}]"])
+    write(out, texts)
+
+
+def composed(cfg: ConfigStageConfig, name: str, choices: list[str]) -> str:
+    """The resolved YAML of one stage of one item, checked by its schema; Hydra is up already, in `conf/`."""
+    overrides = [*choices, f"seed={cfg.seed}", *cfg.overrides.get(name, ())]
+    where = f"conf/{name}.yaml with {' '.join(overrides)}"
+    try:
+        plain = resolve(compose(config_name=name, overrides=overrides))
+    except HydraException as error:
+        raise ConfigError(f"{where}: {error}") from error
+    checked = validate(plain, SCHEMAS[name], where)
+    return OmegaConf.to_yaml(OmegaConf.create(checked.model_dump(mode="json")))
+
+
+def write(out: Path, texts: Mapping[str, str]) -> None:
+    """Replace the items of `out` by `texts`; a file that says the same stays as it is."""
+    for item in [path for path in out.iterdir() if path.is_dir()]:
+        if not any(key.startswith(f"{item.name}/") for key in texts):
+            shutil.rmtree(item)
+    for key, text in texts.items():
+        path = out / f"{key}.yaml"
+        if not path.is_file() or path.read_text(encoding="utf-8") != text:
+            write_text(path, text)
+
+
+if __name__ == "__main__":
+    run()
