@@ -137,6 +137,17 @@ class StudyConfig(Section):
         return Study(regimes=regimes, **plain)
 
 
+class StudyStageConfig(DomainStageConfig):
+    """Configuration of a stage that works on the sets of a study."""
+
+    study: StudyConfig
+
+    @property
+    def identity(self) -> str:
+        """Hash of what decides the tasks and their truth; plans and their evaluation must agree on it."""
+        return config_hash(self.model_dump(mode="json", include={"domain", "study", "seed"}))
+
+
 class CollectConfig(DomainStageConfig):
     """Stage `collect` (Algorithm 1): tasks, skills learnt on some of them, and every skill tried on every task."""
 
@@ -165,6 +176,8 @@ class FitTransferConfig(DomainStageConfig):
     learning_rate: Positive
     weight_decay: NotNegative
     batch_size: Count
+    members: Annotated[int, Field(ge=2)]
+    patience: Count
     holdout: Annotated[float, Field(gt=0, lt=1)]
     calibrate: bool
 
@@ -174,7 +187,7 @@ class FitTransferConfig(DomainStageConfig):
         return "mlp"
 
 
-class PlanConfig(DomainStageConfig):
+class PlanConfig(StudyStageConfig):
     """Stage `plan`: a person's own tasks (`tasks` and `transfer` given), else sets drawn from the domain.
 
     Planners: see `p2l.team.PLANNERS`; the stage refuses an unknown one. `theta` is the confidence of CBA.
@@ -182,7 +195,6 @@ class PlanConfig(DomainStageConfig):
 
     tasks: Path | None
     transfer: Path | None
-    study: StudyConfig
     transfer_model: Path
     transfer_data: Path
     planner: str
@@ -209,10 +221,9 @@ class PlanConfig(DomainStageConfig):
         return self.planner
 
 
-class EvaluateTeamConfig(DomainStageConfig):
+class EvaluateTeamConfig(StudyStageConfig):
     """Stage `evaluate_team`: plans run in the world they were made for."""
 
-    study: StudyConfig
     plans: Path
     records: Path | None
     time_limit_s: Positive

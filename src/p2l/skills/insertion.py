@@ -154,7 +154,7 @@ class InsertionDomain:
         searches = self._first_distributions(self.demonstrate(chosen, rng))
         floor = self.reps.variance_floor_share * np.diag(searches[0].covariance)
         best = np.stack([search.mean for search in searches])
-        best_rate = self._validate(best, chosen, rng)
+        best_rate = self.evaluate_own(best, chosen, self.reps.validation_draws, rng)
         open_rows = np.flatnonzero(best_rate < self.reps.solved_rate)
         for round_index in range(self.reps.updates):
             if not len(open_rows):
@@ -164,7 +164,7 @@ class InsertionDomain:
             for row, k in enumerate(open_rows.tolist()):
                 searches[k] = self._update(searches[k], samples[row], returns[row], floor)
             means = np.stack([searches[k].mean for k in open_rows])
-            rates = self._validate(means, chosen.take(open_rows), rng)
+            rates = self.evaluate_own(means, chosen.take(open_rows), self.reps.validation_draws, rng)
             better = rates >= best_rate[open_rows]
             best[open_rows[better]], best_rate[open_rows[better]] = means[better], rates[better]
             open_rows = np.flatnonzero(best_rate < self.reps.solved_rate)
@@ -173,7 +173,13 @@ class InsertionDomain:
         return best
 
     def evaluate(
-        self, skills: Array, learnt_on: Tasks, tasks: Tasks, draws: int, rng: np.random.Generator
+        self,
+        skills: Array,
+        learnt_on: Tasks,
+        tasks: Tasks,
+        draws: int,
+        rng: np.random.Generator,
+        progress: Progress | None = None,
     ) -> BoolArray:
         """Run every skill on every task: success [K, M, R]; a task's draws are shared by all skills."""
         del learnt_on  # a skill's waypoints are relative to the slot estimate, whatever it was learnt on
@@ -182,8 +188,15 @@ class InsertionDomain:
         k, m, r = (
             axis.ravel() for axis in np.meshgrid(np.arange(count), np.arange(size), np.arange(draws), indexing="ij")
         )
-        tips = self._run(skills[k], tasks, m, errors[m, r])
+        tips = self._run(skills[k], tasks, m, errors[m, r], progress)
         return np.asarray(is_inserted(tips, self.physics).reshape(count, size, draws))
+
+    def evaluate_own(self, skills: Array, tasks: Tasks, draws: int, rng: np.random.Generator) -> Array:
+        """[K] success rate of skill k on task k over `draws` fresh estimate errors."""
+        errors = rng.normal(0.0, self.noise_std, (len(skills) * draws, 2))
+        rows = np.repeat(np.arange(len(skills)), draws)
+        tips = self._run(skills[rows], tasks, rows, errors)
+        return np.asarray(is_inserted(tips, self.physics).reshape(len(skills), draws).mean(1))
 
     def without_walls(self, tasks: Tasks) -> Tasks:
         """The same tasks with every wall removed, for showing that skills use walls."""
@@ -206,14 +219,6 @@ class InsertionDomain:
             floor=floor,
         )
 
-    def _validate(self, means: Array, tasks: Tasks, rng: np.random.Generator) -> Array:
-        """[K] success rate of each mean on its own task."""
-        draws = self.reps.validation_draws
-        errors = rng.normal(0.0, self.noise_std, (len(means) * draws, 2))
-        rows = np.repeat(np.arange(len(means)), draws)
-        tips = self._run(means[rows], tasks, rows, errors)
-        return np.asarray(is_inserted(tips, self.physics).reshape(len(means), draws).mean(1))
-
     def _returns(self, samples: Array, tasks: Tasks, rng: np.random.Generator) -> Array:
         """[K, N] one for an insertion, plus how deep the tip is and how near it ends to the slot."""
         count, size, parameters = samples.shape
@@ -225,7 +230,9 @@ class InsertionDomain:
         returns = is_inserted(tips, self.physics) + 0.5 * depth - 0.5 * miss
         return np.asarray(returns.reshape(count, size))
 
-    def _run(self, skills: Array, tasks: Tasks, task_index: IntArray, errors: Array) -> Array:
+    def _run(
+        self, skills: Array, tasks: Tasks, task_index: IntArray, errors: Array, progress: Progress | None = None
+    ) -> Array:
         """[N, 3] where the tip ends, m, for row n = skill n on task `task_index[n]` with slot error `errors[n]`."""
         used, model_index = np.unique(task_index, return_inverse=True)
         models = [self._model(tasks, int(task)) for task in used]
@@ -239,6 +246,8 @@ class InsertionDomain:
                     engine, states, waypoints, model_index[rows], self.timing, position_sensor=POSITION_SENSOR
                 )
                 ended.append(engine.sensor(chunk, "tip_pos")[:, -1])
+                if progress is not None:
+                    progress(min(rows.stop, len(skills)), len(skills))
         return np.concatenate(ended)
 
     def _model(self, tasks: Tasks, index: int) -> mujoco.MjModel:

@@ -64,6 +64,15 @@ class Tasks:
             payload={name: array[rows] for name, array in self.payload.items()},
         )
 
+    def join(self, other: Tasks) -> Tasks:
+        """These tasks followed by those of `other`, which must have the same features and payload."""
+        return Tasks(
+            names=self.names + other.names,
+            features=np.concatenate([self.features, other.features]),
+            group=np.concatenate([self.group, other.group]),
+            payload={name: np.concatenate([array, other.payload[name]]) for name, array in self.payload.items()},
+        )
+
 
 @runtime_checkable
 class Domain(Protocol):
@@ -91,7 +100,13 @@ class Domain(Protocol):
         """Learn one skill per entry of `index` [K]; returns parameters [K, P] (NaN where lengths differ)."""
 
     def evaluate(
-        self, skills: Array, learnt_on: Tasks, tasks: Tasks, draws: int, rng: np.random.Generator
+        self,
+        skills: Array,
+        learnt_on: Tasks,
+        tasks: Tasks,
+        draws: int,
+        rng: np.random.Generator,
+        progress: Progress | None = None,
     ) -> BoolArray:
         """Run skill k (learnt on row k of `learnt_on`) on task m in noise draw r: success [K, M, R].
 

@@ -139,6 +139,7 @@ class Lego:
         tasks: Tasks,
         draws: int,
         rng: np.random.Generator,
+        progress: Progress | None = None,  # noqa: ARG002 (done in seconds)
     ) -> BoolArray:
         """Success [K, M, R]; noise of draw r on task m is the same for every skill."""
         k, m, t = len(skills), len(tasks), skills.shape[1] // 2

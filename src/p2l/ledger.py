@@ -1,0 +1,62 @@
+"""The ledger of finished items: one small committed file per (world, method, seed).
+
+A run at thesis scale takes hours and may be cut. Each finished item leaves its rows, the hash of the configuration
+that made them, its seed and its wall time; an item whose record matches its configuration is not run again, on this
+machine or on the next, and tables are built from the records.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from p2l.artifacts import load_json, save_json
+from p2l.errors import ArtifactError
+
+SCHEMA = "item_record"
+
+
+@dataclass(frozen=True)
+class Item:
+    """What a record is about.
+
+    Attributes:
+        world: domain or world.
+        method: learner, chooser, planner, or `truth` for what they are compared against.
+        seed: the item's own seed or block number.
+        config_hash: hash of all that decides the result.
+    """
+
+    world: str
+    method: str
+    seed: int
+    config_hash: str
+
+    @property
+    def file(self) -> str:
+        """Name of the record."""
+        return f"{self.world}-{self.method}-s{self.seed}.json"
+
+
+def find(folder: Path, item: Item) -> dict[str, Any] | None:
+    """The content of an item's record, or None if there is none, it is damaged, or another configuration made it."""
+    try:
+        record = load_json(folder / item.file, schema=SCHEMA, version=1)
+    except ArtifactError:
+        return None
+    content: dict[str, Any] = record["content"]
+    return content if record["config_hash"] == item.config_hash else None
+
+
+def write(folder: Path, item: Item, content: dict[str, Any], *, seconds: float) -> None:
+    """Leave the record of a finished item; `seconds` is its wall time."""
+    record = {
+        "world": item.world,
+        "method": item.method,
+        "seed": item.seed,
+        "config_hash": item.config_hash,
+        "seconds": round(seconds, 3),
+        "content": content,
+    }
+    save_json(folder / item.file, record, schema=SCHEMA, version=1)

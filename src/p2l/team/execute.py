@@ -1,0 +1,159 @@
+"""Plans run in the world: what they really cost (thesis, section 3.5, "Evaluation metrics").
+
+A robot attempt succeeds or fails by simulation and a failure costs c_fail; a demonstration and a person always
+succeed. The success rates of all skills on all tasks of a block are simulated once (the truth) and serve every plan,
+so all methods meet the same estimate errors. Half of the draws give the true matrix that `adl_true` plans with, the
+other half execute, so no plan is judged by the draws it was made from.
+
+Axis letters: M pool tasks, Q pre-training tasks, n tasks of a set.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from p2l.records import Array, IntArray, freeze
+from p2l.seeding import generator
+from p2l.team.problem import Decision, Plan
+from p2l.team.study import (
+    METHODS,
+    Block,
+    Predictor,
+    Regime,
+    Study,
+    TaskSet,
+    cases,
+    make_problem,
+    solve,
+    task_sets,
+)
+from p2l.worlds.domain import Domain, Progress
+
+
+@dataclass(frozen=True)
+class Truth:
+    """Simulated success rates of the M + Q skills of a block (rows: pool first) on its M tasks.
+
+    Attributes:
+        planning: [M + Q, M] from the draws that `adl_true` may see.
+        executing: [M + Q, M] from the draws that judge every plan.
+    """
+
+    planning: Array
+    executing: Array
+
+    def __post_init__(self) -> None:
+        sizes: dict[str, int] = {}
+        for name in ("planning", "executing"):
+            value = freeze(name, getattr(self, name), ("S", "M"), sizes, low=0.0, high=1.0)
+            object.__setattr__(self, name, value)
+
+
+def measure_truth(domain: Domain, study: Study, seed: int, block: Block, progress: Progress | None = None) -> Truth:
+    """Teach the robot every task of a block and try every skill on every pool task."""
+    stacked = block.pool.join(block.pretrained)
+    skills = domain.learn(
+        stacked, np.arange(len(stacked)), generator(seed, "evaluate", domain.name, "learn", block.index), progress
+    )
+    rng = generator(seed, "evaluate", domain.name, "draws", block.index)
+    outcome = domain.evaluate(skills, stacked, block.pool, 2 * study.draws, rng, progress)
+    return Truth(outcome[..., : study.draws].mean(-1), outcome[..., study.draws :].mean(-1))
+
+
+def predicted_plans(
+    study: Study, seed: int, block: Block, predict: Predictor, thetas: dict[str, float], limit_s: float
+) -> pd.DataFrame:
+    """Plans of every method for every case of a block, one row per task (see `plan_rows`)."""
+    pool = predict(block.pool.features, block.pool.features)
+    known = predict(block.pretrained.features, block.pool.features)
+    frames = []
+    for task_set, regime, level in cases(study, task_sets(study, seed, block)):
+        for method, (_, order) in METHODS.items():
+            theta = thetas[regime.name] if method == "cba_best" else study.theta
+            used = task_set.pretrained[:level]
+            problem, skill = make_problem(
+                regime,
+                block.pool.take(task_set.tasks),
+                pool[np.ix_(task_set.tasks, task_set.tasks)],
+                known[np.ix_(used, task_set.tasks)],
+                order,
+            )
+            made = solve(problem, method, theta, limit_s)
+            frames.append(plan_rows(block, task_set, regime, level, method, made, skill))
+    return pd.concat(frames, ignore_index=True)
+
+
+def true_plans(study: Study, seed: int, block: Block, truth: Truth, limit_s: float) -> pd.DataFrame:
+    """Plans of `adl_true`: the exact planner given the simulated transfer matrix."""
+    size = len(block.pool)
+    frames = []
+    for task_set, regime, level in cases(study, task_sets(study, seed, block)):
+        used = size + task_set.pretrained[:level]
+        problem, skill = make_problem(
+            regime,
+            block.pool.take(task_set.tasks),
+            truth.planning[np.ix_(task_set.tasks, task_set.tasks)],
+            truth.planning[np.ix_(used, task_set.tasks)],
+        )
+        made = solve(problem, "adl", 0.0, limit_s)
+        frames.append(plan_rows(block, task_set, regime, level, "adl_true", made, skill))
+    return pd.concat(frames, ignore_index=True)
+
+
+def plan_rows(
+    block: Block, task_set: TaskSet, regime: Regime, level: int, method: str, made: Plan, pretrained: IntArray
+) -> pd.DataFrame:
+    """One row per task in the order of work; `skill` is a row of `Truth` (-1 where no robot skill is used)."""
+    steps = made.sequence
+    lesson = np.where(made.skill >= 0, task_set.tasks[np.maximum(made.skill, 0)], -1)
+    trained = np.where(pretrained >= 0, len(block.pool) + task_set.pretrained[np.maximum(pretrained, 0)], -1)
+    acts = made.decision == Decision.ACT
+    skill = np.where(acts & (made.skill < 0), trained, np.where(made.decision == Decision.DELEGATE, -1, lesson))
+    return pd.DataFrame(
+        {
+            "block": block.index,
+            "set": task_set.index,
+            "regime": regime.name,
+            "level": level,
+            "method": method,
+            "step": np.arange(len(steps)),
+            "task": task_set.tasks[steps],
+            "name": [block.pool.names[index] for index in task_set.tasks[steps]],
+            "decision": [Decision(code).name.lower() for code in made.decision[steps]],
+            "skill": skill[steps],
+            "p_success": made.p_success[steps],
+            "predicted_cost": made.expected_cost[steps],
+        }
+    )
+
+
+def execute_plans(plans: pd.DataFrame, regimes: tuple[Regime, ...], truth: Truth) -> pd.DataFrame:
+    """Execute the plans of a block; one row per (set, regime, level, method) with predicted and executed cost.
+
+    `failures` is the expected number of failed attempts over the executing draws.
+    """
+    costs = pd.DataFrame([regime.__dict__ for regime in regimes]).drop(columns="levels")
+    rows = plans.merge(costs, left_on="regime", right_on="name", suffixes=("", "_regime"))
+    skill, task = rows["skill"].to_numpy(), rows["task"].to_numpy()
+    acts = (rows["decision"] == "act").to_numpy()
+    success = np.where(skill >= 0, truth.executing[np.maximum(skill, 0), task], 0.0)
+    failed = np.where(acts, 1.0 - success, 0.0)
+    executed = np.select(
+        [rows["decision"] == "learn", rows["decision"] == "delegate"],
+        [rows["c_demo"], rows["c_hum"]],
+        rows["c_rob"] + failed * rows["c_fail"],
+    )
+    rows = rows.assign(
+        executed_cost=executed,
+        failures=failed,
+        attempts=acts.astype(float),
+        demos=(rows["decision"] == "learn").astype(float),
+        delegated=(rows["decision"] == "delegate").astype(float),
+        n_tasks=1.0,
+    )
+    keys = ["block", "set", "regime", "level", "method"]
+    sums = ["predicted_cost", "executed_cost", "demos", "delegated", "attempts", "failures", "n_tasks"]
+    return rows.groupby(keys, sort=True)[sums].sum().reset_index()

@@ -1,0 +1,26 @@
+"""A progress bar with rate and time left; silent where there is no terminal."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from tqdm import tqdm
+
+from p2l.worlds.domain import Progress
+
+
+@contextmanager
+def bar(title: str, unit: str = "it") -> Iterator[Progress]:
+    """Yield a function (done, total); when `done` falls back a new phase has begun and the bar starts over."""
+    shown = tqdm(desc=title, unit=unit, disable=None, leave=False)
+
+    def show(done: int, total: int) -> None:
+        if done < shown.n or shown.total != total:
+            shown.reset(total)
+        shown.update(done - shown.n)
+
+    try:
+        yield show
+    finally:
+        shown.close()

@@ -1,0 +1,52 @@
+"""Stage `collect`: Algorithm 1 in a domain's abstract simulation."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from p2l.artifacts import save_arrays, save_json
+from p2l.evaluation.statistics import wilson_interval
+from p2l.preconditions.collection import collect
+from p2l.records import Array
+from p2l.schema import CollectConfig
+from p2l.tracking import Tracker
+from p2l.worlds.registry import get_domain
+from stages._progress import bar
+from stages._stage import stage
+
+
+@stage("collect", CollectConfig)
+def run(cfg: CollectConfig, out: Path, track: Tracker) -> None:
+    """Learn skills, try every skill on every task, and say whether the skills need the walls."""
+    domain = get_domain(cfg.domain.name, cfg.domain.params)
+    with bar(f"collect {domain.name}") as show:
+        found = collect(
+            domain, n_tasks=cfg.n_tasks, n_taught=cfg.n_taught, draws=cfg.draws, seed=cfg.seed, progress=show
+        )
+    save_arrays(out / "transfer_data.npz", found.data.arrays(), schema="transfer_data", version=1)
+    rate = found.data.rate
+    others = np.ones_like(rate, dtype=bool)
+    others[np.arange(len(rate)), found.data.train_task] = False
+    summary = {
+        "n_tasks": cfg.n_tasks,
+        "n_skills": cfg.n_taught,
+        "draws": cfg.draws,
+        "own_task_success": _rate(found.own_rate, cfg.draws),
+        "other_task_success": float(rate[others].mean()) if others.any() else None,
+    }
+    if found.own_rate_without_walls is not None:
+        summary["own_task_success_without_walls"] = _rate(found.own_rate_without_walls, cfg.draws)
+    save_json(out / "summary.json", summary, schema="collect_summary", version=1)
+    track.metrics({key: value["mean"] for key, value in summary.items() if isinstance(value, dict)})
+
+
+def _rate(rates: Array, draws: int) -> dict[str, float]:
+    trials = rates.size * draws
+    low, high = wilson_interval(float(rates.sum()) * draws, trials)
+    return {"mean": float(rates.mean()), "low": float(low), "high": float(high), "trials": trials}
+
+
+if __name__ == "__main__":
+    run()

@@ -1,0 +1,62 @@
+"""Stage `plan`: who does which task, and which lessons pay (thesis, section 3.3)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pandas as pd
+
+from p2l.artifacts import load_arrays, save_json, save_table
+from p2l.records import TransferData
+from p2l.schema import PlanConfig
+from p2l.team.planners import plan
+from p2l.tracking import Tracker
+from stages._stage import stage
+
+
+@stage("plan", PlanConfig)
+def run(cfg: PlanConfig, out: Path, track: Tracker) -> None:
+    """Plan a person's own tasks, or the sets of the domain's study."""
+    if cfg.tasks is not None and cfg.transfer is not None:
+        _own_tasks(cfg, cfg.tasks, cfg.transfer, out, track)
+    else:
+        _study_sets(cfg, out, track)
+
+
+def _own_tasks(cfg: PlanConfig, tasks: Path, transfer: Path, out: Path, track: Tracker) -> None:
+    from p2l.evaluation.plan_figure import save_plan_figure
+    from p2l.team.files import explain, read_problem, write_plan
+
+    problem = read_problem(tasks, transfer, cfg.order)
+    options = {"theta": cfg.theta} if cfg.planner == "cba" else {}
+    made = plan(problem, cfg.planner, time_limit_s=cfg.time_limit_s, gap=cfg.gap, **options)
+    write_plan(out, problem, made)
+    save_plan_figure(out / "plan.png", problem, made)
+    track.metrics({"objective": made.objective, "lower_bound": made.lower_bound, "seconds": made.seconds})
+    track.artifact(out / "plan.png")
+    print(explain(problem, made))
+    print(f"Written to {out}: plan.csv, plan.json, plan.png")
+
+
+def _study_sets(cfg: PlanConfig, out: Path, track: Tracker) -> None:
+    from p2l.preconditions.transfer import load_transfer_model
+    from p2l.team.execute import predicted_plans
+    from p2l.team.study import make_block, tune_theta
+    from p2l.worlds.domain import Tasks
+    from p2l.worlds.registry import get_domain
+
+    domain, study = get_domain(cfg.domain.name, cfg.domain.params), cfg.study.study()
+    model = load_transfer_model(cfg.transfer_model, feature_names=domain.feature_names, encoding=domain.encoding)
+    seen = TransferData.from_arrays(load_arrays(cfg.transfer_data, schema="transfer_data", version=1))
+    pool = Tasks(seen.names, seen.features, seen.group)
+    thetas = {regime.name: tune_theta(study, regime, pool, model.predict, cfg.seed) for regime in study.regimes}
+    blocks = [make_block(domain, study, cfg.seed, index) for index in range(study.blocks)]
+    limit = cfg.time_limit_s
+    plans = pd.concat([predicted_plans(study, cfg.seed, block, model.predict, thetas, limit) for block in blocks])
+    save_table(out / "plans.parquet", plans.assign(identity=cfg.identity), schema="plans", version=1)
+    save_json(out / "summary.json", {"thetas": thetas, "plans": len(plans)}, schema="plan_summary", version=1)
+    track.metrics({f"{name}/best_theta": theta for name, theta in thetas.items()})
+
+
+if __name__ == "__main__":
+    run()
