@@ -8,10 +8,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from p2l.artifacts import finite
 from p2l.evaluation.statistics import resample_weights, wilson_interval
 from p2l.preconditions import baselines, calibration
 from p2l.preconditions.calibration import Platt
@@ -88,6 +90,13 @@ def score_table(judged: list[Judged], rng: np.random.Generator, level: float = 0
             low, high = np.quantile(drawn, [0.5 - level / 2, 0.5 + level / 2]) if drawn.size else (np.nan, np.nan)
             rows.append((one.method, one.pairs, name, value, float(low), float(high), len(one.p)))
     return pd.DataFrame(rows, columns=["method", "pairs", "metric", "mean", "low", "high", "n"])
+
+
+def records(table: pd.DataFrame) -> list[dict[str, Any]]:
+    """The rows as plain data for JSON; what is not finite becomes None."""
+    columns = [table[name].tolist() for name in table.columns]
+    plain = [[finite(x) if isinstance(x, float) else x for x in column] for column in columns]
+    return [dict(zip(table.columns, row, strict=True)) for row in zip(*plain, strict=True)]
 
 
 def task_weights(judged: Judged, resamples: int, rng: np.random.Generator) -> Array:

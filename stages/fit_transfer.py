@@ -1,0 +1,61 @@
+"""Stage `fit_transfer`: fit, correct and judge the precondition predictor of a domain (thesis, section 3.3.2)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from p2l.artifacts import atomic, load_arrays, save_json
+from p2l.errors import ArtifactError
+from p2l.evaluation.figures import reliability_diagram
+from p2l.evaluation.transfer_fit import calibration_table, judge, records, score_table
+from p2l.preconditions.fitting import FitOptions, fit, split_tasks
+from p2l.records import TransferData
+from p2l.schema import FitTransferConfig
+from p2l.seeding import generator, torch_seed
+from p2l.tracking import Tracker
+from p2l.worlds.registry import get_domain
+from stages._stage import stage
+
+
+@stage("fit_transfer", FitTransferConfig)
+def run(cfg: FitTransferConfig, out: Path, track: Tracker) -> None:
+    """Write transfer_model.safetensors with its card, metrics.json, calibration.csv and calibration.png."""
+    domain = get_domain(cfg.domain.name, cfg.domain.params)
+    data = TransferData.from_arrays(load_arrays(cfg.transfer_data, schema="transfer_data", version=1))
+    if data.feature_names != domain.feature_names:
+        raise ArtifactError(f"{cfg.transfer_data}: its features are not those of domain '{domain.name}'; collect again")
+    options = FitOptions(**{name: getattr(cfg, name) for name in FitOptions.__dataclass_fields__})
+    split = split_tasks(data, cfg.holdout, cfg.members, generator(cfg.seed, "fit_transfer", domain.name, "split"))
+    weights = torch.Generator().manual_seed(torch_seed(cfg.seed, "fit_transfer", domain.name, "weights"))
+
+    def report(epoch: int, training: float, validation: float) -> None:
+        track.metrics({"loss/training": training, "loss/validation": validation}, step=epoch)
+
+    found = fit(data, domain.encoding, split, options, weights, report)
+    found.model.save(out / "transfer_model.safetensors", domain=domain.name, config_hash=cfg.hash)
+
+    judged = judge(data, found.model, split)
+    scores = score_table(judged, generator(cfg.seed, "fit_transfer", domain.name, "intervals"))
+    table = calibration_table(judged)
+    with atomic(out / "calibration.csv") as temporary:
+        table.to_csv(temporary, index=False)
+    title = f"{domain.name}: predicted and simulated transfer"
+    reliability_diagram(table, ("model", "nearest_neighbour"), title, out / "calibration.png")
+    facts: dict[str, Any] = {
+        "tasks_fitted": int((~split.held_out).sum()),
+        "tasks_held_out": int(split.held_out.sum()),
+        "platt": {"slope": found.model.platt.slope, "shift": found.model.platt.shift},
+        "best_epoch": found.best_epoch.tolist(),
+        "scores": records(scores),
+    }
+    save_json(out / "metrics.json", facts, schema="fit_transfer_metrics", version=1)
+    mine = [row for row in facts["scores"] if row["method"] == "model"]
+    track.metrics({f"{row['pairs']}/{row['metric']}": row["mean"] for row in mine if row["mean"] is not None})
+    track.artifact(out / "calibration.png")
+
+
+if __name__ == "__main__":
+    run()
