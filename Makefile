@@ -1,0 +1,57 @@
+# Everything starts here; `make help` lists it. Needs Python 3.11, make and git.
+SHELL := /bin/bash
+.SHELLFLAGS := -euo pipefail -c
+.DEFAULT_GOAL := help
+.PHONY: help install repro test lint ui thesis lock clean
+
+PYTHON ?= python3.11
+PORT ?= 5000
+VENV := $(CURDIR)/.venv
+BIN := $(VENV)/bin
+# The stamp names the lock that it was installed from: no other lock, and no interrupted install, can pass for it.
+STAMP := $(VENV)/.installed-$(shell sha256sum requirements.lock | cut -c1-16)
+export PATH := $(BIN):$(PATH)
+export PIP_DISABLE_PIP_VERSION_CHECK := 1
+export DVC_NO_ANALYTICS := 1
+
+help: ## list the targets
+	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## /\1\t/' | expand -t 10
+
+install: $(STAMP) ## make .venv with the pinned packages
+
+$(STAMP): requirements.lock
+	@command -v $(PYTHON) > /dev/null || { echo "make: $(PYTHON) not found; install Python 3.11 or say make PYTHON=<path>" >&2; exit 2; }
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' || { echo "make: $(PYTHON) is not Python 3.11; say make PYTHON=<path>" >&2; exit 2; }
+	ls $(VENV)/.installed-* > /dev/null 2>&1 || $(PYTHON) -m venv --clear $(VENV)
+	rm -f $(VENV)/.installed-*
+	$(BIN)/python -m pip install --quiet -r requirements.lock
+	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation -e .
+	touch $@
+
+repro: $(STAMP) ## run the whole pipeline (preset of conf/pipeline.yaml); only what changed
+	$(BIN)/dvc repro
+
+lint: $(STAMP) ## ruff, mypy --strict, import-linter
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+test: lint ## lint, then every test, with a smoke run of the pipeline in a temporary clone
+	$(BIN)/python -m pytest
+
+ui: $(STAMP) ## browse the runs: http://127.0.0.1:5000, or make ui PORT=…
+	$(BIN)/mlflow ui --backend-store-uri "$${MLFLOW_TRACKING_URI:-sqlite:///$(CURDIR)/mlflow.db}" --host 127.0.0.1 --port $(PORT)
+
+thesis: $(STAMP) ## the thesis's budgets, in a clone under build/; finished items land in results/thesis/ (resumable)
+	scripts/thesis.sh
+
+lock: ## pin the newest allowed versions anew (pyproject.toml says what is allowed)
+	$(PYTHON) -m venv --clear build/lock
+	build/lock/bin/python -m pip install --quiet --upgrade pip setuptools
+	build/lock/bin/python -m pip install --quiet --group dev -e .
+	build/lock/bin/python -m pip freeze --all --exclude-editable --exclude pip | sed -E 's/\+cpu$$//' > requirements.lock
+	rm -rf build/lock
+
+clean: ## remove hand runs and caches; data/, results/ and the runs in mlflow.db stay
+	rm -rf outputs multirun build/lock .mypy_cache .ruff_cache .pytest_cache .import_linter_cache .hypothesis

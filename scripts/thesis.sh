@@ -1,0 +1,43 @@
+#!/usr/bin/env bash
+# The thesis preset, in a clone under build/, so that the working tree keeps its own preset and dvc.lock.
+# Run it again after an interruption or after new commits: DVC continues where it stopped, and finished items, which
+# land in results/thesis/ of this repository, are not run again, here or on the next machine.
+set -euo pipefail
+shopt -s nullglob
+
+root=$(git -C "$(dirname "${BASH_SOURCE[0]}")" rev-parse --show-toplevel)
+clone=${1:-$root/build/thesis}
+export PATH=$root/.venv/bin:$PATH
+export MLFLOW_TRACKING_URI=${MLFLOW_TRACKING_URI:-sqlite:///$root/mlflow.db}
+
+[ -d "$clone/.git" ] || { rm -rf "$clone"; git clone --quiet "$root" "$clone"; }
+head=$(git -C "$root" rev-parse HEAD)
+if [ "$(cat "$clone/.git/thesis-head" 2> /dev/null || true)" != "$head" ]; then
+  [ -f "$clone/dvc.lock" ] && cp "$clone/dvc.lock" "$clone/.git/thesis-lock"
+  rm -rf "$clone/results/thesis"
+  git -C "$clone" fetch --quiet origin
+  git -C "$clone" checkout --quiet --force --detach "$head"
+  sed -i 's/^preset: [a-z]*/preset: thesis/' "$clone/conf/pipeline.yaml"
+  [ -f "$clone/.git/thesis-lock" ] && cp "$clone/.git/thesis-lock" "$clone/dvc.lock"
+  mkdir -p "$root/results/thesis" "$clone/results"
+  rm -rf "$clone/results/thesis"
+  ln -s "$root/results/thesis" "$clone/results/thesis"
+  (cd "$clone" && dvc cache dir --local "$root/.dvc/cache")
+  echo "$head" > "$clone/.git/thesis-head"
+fi
+
+cd "$clone"
+dvc repro
+
+results=$root/results/thesis
+for part in tables figures; do
+  rm -rf "${results:?}/$part"
+  cp -r "data/report/$part" "$results/$part"
+done
+mkdir -p "$results/metrics"
+for file in data/*/*/{metrics,summary}.json; do
+  item=${file#data/}
+  cp "$file" "$results/metrics/$(dirname "$item" | tr / -)-$(basename "$file")"
+done
+cp dvc.lock "$results/dvc.lock"
+echo "results of the thesis preset are in $results"
