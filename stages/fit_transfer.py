@@ -42,8 +42,7 @@ def run(cfg: FitTransferConfig, out: Path, track: Tracker) -> None:
     table = calibration_table(judged)
     with atomic(out / "calibration.csv") as temporary:
         table.to_csv(temporary, index=False)
-    title = f"{domain.name}: predicted and simulated transfer"
-    reliability_diagram(table, ("model", "nearest_neighbour"), title, out / "calibration.png")
+    reliability_diagram(table, ("model", "nearest_neighbour"), domain.name, out / "calibration.png")
     facts: dict[str, Any] = {
         "tasks_fitted": int((~split.held_out).sum()),
         "tasks_held_out": int(split.held_out.sum()),

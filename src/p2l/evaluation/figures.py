@@ -16,13 +16,13 @@ from p2l.artifacts import atomic
 COLOURS = ("#0b5fa5", "#d1495b", "#66a182", "#8d96a3")
 
 
-def reliability_diagram(table: pd.DataFrame, methods: Sequence[str], title: str, path: Path | str) -> None:
+def reliability_diagram(table: pd.DataFrame, methods: Sequence[str], domain: str, path: Path | str) -> None:
     """Success rate against predicted probability with Wilson intervals, over a histogram of the predictions.
 
     Args:
         table: rows of `transfer_fit.calibration_table`.
         methods: which of its methods, in drawing order; the first one stands out.
-        title: of the figure.
+        domain: whose transfer is predicted; for the title.
         path: PNG to write.
     """
     figure = Figure(figsize=(5.0, 6.2), layout="constrained")
@@ -34,7 +34,8 @@ def reliability_diagram(table: pd.DataFrame, methods: Sequence[str], title: str,
         _curve(above, rows, method.replace("_", " "), colour, strong=number == 0)
         width = 0.8 * (rows["high_p"] - rows["low_p"]) / len(methods)
         below.bar(rows["low_p"] + (number + 0.6) * width, rows["pairs"], width, color=colour)
-    above.set(xlim=(-0.02, 1.02), ylim=(-0.02, 1.02), ylabel="success rate (95 % Wilson interval)", title=title)
+    above.set(xlim=(-0.02, 1.02), ylim=(-0.02, 1.02), ylabel="success rate (95 % Wilson interval)")
+    above.set_title(f"{domain}: predicted and simulated transfer, held-out tasks")
     above.legend(frameon=False, loc="upper left")
     below.set(
         xlim=(-0.02, 1.02), yscale="log", ylim=(0.7, None), xlabel="predicted probability of success", ylabel="pairs"
