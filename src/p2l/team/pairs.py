@@ -8,7 +8,7 @@ each row sorted by cost, so that a bound reads only the front of a row.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -19,13 +19,12 @@ from p2l.team.problem import Problem
 _BLOCK = 4_000_000  # entries of the dense table that are looked at together
 
 
-@dataclass(frozen=True)
-class Pairs:
-    """A facility location instance with an outside option, in compressed rows.
+class Pairs(NamedTuple):
+    """A facility location instance with an outside option, in compressed rows (a tuple, as numba's kernels want).
 
     Attributes:
         opening: [F] cost f_j of opening a facility.
-        outside: [D] cost b_i of leaving a demand to the outside option; infinite where there is none.
+        outside: [D] cost b_i of leaving a demand to the outside option.
         start: [D + 1] where each demand's row begins.
         facility: [Z] int32, facility of each pair.
         cost: [Z] service cost c_ij, ascending within a row, each below the row's outside cost.
@@ -51,17 +50,6 @@ class Pairs:
         """[Z] demand of each pair."""
         return np.repeat(np.arange(self.demands), np.diff(self.start))
 
-    def keep(self, pair: BoolArray, opening: Array | None = None, outside: Array | None = None) -> Pairs:
-        """The instance with only the pairs [Z] marked True, and new opening or outside costs if given."""
-        counts = np.concatenate([[0], np.cumsum(pair)])
-        return Pairs(
-            opening=self.opening if opening is None else opening,
-            outside=self.outside if outside is None else outside,
-            start=counts[self.start],
-            facility=self.facility[pair],
-            cost=self.cost[pair],
-        )
-
 
 def of_problem(problem: Problem) -> Pairs:
     """The useful pairs of a team problem: demand and facility i are task i and its lesson, which serves it at 0."""
@@ -79,17 +67,34 @@ def of_problem(problem: Problem) -> Pairs:
             useful &= columns[None, :] <= np.arange(low, high)[:, None]
         return cost, useful
 
-    return _collect(problem.c_demo, outside, block)
+    return _collect(problem.c_demo.copy(), outside, block)
 
 
 def of_table(opening_cost: Array, service_cost: Array) -> Pairs:
-    """All pairs of a plain instance: opening_cost [F], service_cost [D, F], no outside option."""
+    """The useful pairs of a plain instance: opening_cost [F], service_cost [D, F].
+
+    No demand need pay more than b_i = min_j (c_ij + f_j), since that facility could be opened for it alone. So b_i
+    serves as an outside option: it loses no optimum, and it costs nothing in the relaxation, whose multipliers obey
+    v_i <= c_ij + f_j anyway. `open_for_outside` turns a demand left outside into the facility that was meant.
+    """
+    outside = (service_cost + opening_cost).min(axis=1)
 
     def block(low: int, high: int) -> tuple[Array, BoolArray]:
         cost = service_cost[low:high]
-        return cost, np.ones(cost.shape, dtype=bool)
+        return cost, cost < outside[low:high, None]
 
-    return _collect(opening_cost, np.full(len(service_cost), np.inf), block)
+    return _collect(np.array(opening_cost), outside, block)
+
+
+def open_for_outside(opening_cost: Array, service_cost: Array, opened: BoolArray) -> BoolArray:
+    """[F] the open set in which every demand that opening its own cheapest facility would serve better has it."""
+    complete = opened.copy()
+    for i in range(len(service_cost)):
+        alone = service_cost[i] + opening_cost
+        j = int(alone.argmin())
+        if not complete.any() or service_cost[i, complete].min() > alone[j]:
+            complete[j] = True
+    return complete
 
 
 def _collect(opening: Array, outside: Array, block: Callable[[int, int], tuple[Array, BoolArray]]) -> Pairs:

@@ -77,9 +77,7 @@ class Study:
     def __post_init__(self) -> None:
         deepest = max((max(regime.levels) for regime in self.regimes), default=0)
         if deepest > self.pretrained_pool:
-            raise ConfigError(
-                f"study: level {deepest} exceeds the pretrained_pool of {self.pretrained_pool}"
-            )
+            raise ConfigError(f"study: level {deepest} exceeds the pretrained_pool of {self.pretrained_pool}")
         if self.set_size > self.pool:
             raise ConfigError(f"study: set_size {self.set_size} exceeds the pool of {self.pool} tasks")
         if not 1 <= self.blocks <= max(self.sets, len(self.orders)):

@@ -1,0 +1,174 @@
+"""Exact facility location at scale: dual ascent, local search, volume bound, fixing, Lagrangian branch and bound.
+
+This is the large-scale route of the team planner and the public `solve_facility_location`. Every step works on
+`Pairs`; what a plan costs is recomputed from the input at the end.
+"""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from p2l.errors import ConfigError, ShapeError
+from p2l.records import Array, BoolArray, freeze
+from p2l.team.branch import Target, branch_and_bound
+from p2l.team.dual_ascent import dual_ascent
+from p2l.team.fixing import Core, shrink, whole
+from p2l.team.local_search import Columns, columns_of, descend, open_cost
+from p2l.team.pairs import Pairs, of_table, open_for_outside
+from p2l.team.problem import Certificate, FacilitySolution, Status
+from p2l.team.volume import Bound, bound_of, raise_bound
+
+_ROUNDS = 20  # of bound, rounding and fixing at the root, unless progress ends earlier
+_ITERATIONS = 300  # of the volume algorithm per round
+_THRESHOLDS = (0.05, 0.2, 0.4, 0.6, 0.8)  # of the estimated opening, rounded up to an open set
+
+
+@dataclass(frozen=True)
+class Answer:
+    """Best open set [F] and its cost, a proven lower bound, how the search ended, multipliers [D] that nearly prove it.
+
+    `lower_bound` may come from the branch and bound tree; `multipliers` prove the part of it that one L(v) can.
+    """
+
+    open: BoolArray
+    cost: float
+    lower_bound: float
+    status: Status
+    multipliers: Array
+
+
+@dataclass(frozen=True)
+class Root:
+    """What the root knows: the core left to decide, the best plan in the core's indices, its cost, the best bound."""
+
+    core: Core
+    open: BoolArray
+    upper: float
+    bound: Bound
+
+
+def solve_pairs(pairs: Pairs, *, deadline: float, gap: float = 0.0) -> Answer:
+    """Solve an instance to the relative `gap` or until the `deadline` of `time.perf_counter`."""
+    target = Target(gap, _unit(pairs))
+    start, suggested = dual_ascent(pairs)
+    first = _start(pairs, start, suggested, deadline)
+    root, proofs = _tighten(first, target, deadline)
+    opened, upper, lower = root.open, root.upper, root.bound.value
+    finished = lower >= target.cutoff(upper)
+    if not finished and time.perf_counter() < deadline:
+        search = branch_and_bound(root.core, root.bound, root.open, root.upper, target, deadline)
+        opened, upper, lower, finished = search.open, search.upper, max(lower, search.lower), search.finished
+    elif finished and not gap:
+        lower = upper
+    lower = min(lower, upper)
+    full = np.zeros(pairs.facilities, dtype=bool)
+    full[root.core.origin[opened]] = True
+    status: Status = "time_limit" if not finished else "optimal" if lower >= upper * (1.0 - 1e-9) else "feasible"
+    blank = np.zeros(pairs.facilities, dtype=np.int8)
+    best = max(proofs, key=lambda v: bound_of(pairs, blank, v))
+    return Answer(full, open_cost(pairs, full), lower, status, best)
+
+
+def _unit(pairs: Pairs) -> float:
+    integral = all(bool((part == np.floor(part)).all()) for part in (pairs.opening, pairs.outside, pairs.cost))
+    return 1.0 if integral else 0.0
+
+
+def _start(pairs: Pairs, multipliers: Array, suggested: BoolArray, deadline: float) -> Root:
+    core = whole(pairs)
+    opened = suggested
+    if time.perf_counter() < deadline:
+        opened = descend(pairs, columns_of(pairs), suggested, np.ones(pairs.facilities, dtype=bool))
+    bound = raise_bound(pairs, core.state, multipliers, np.inf, 0)
+    return Root(core, opened, float(open_cost(pairs, opened)), bound)
+
+
+def _tighten(root: Root, target: Target, deadline: float) -> tuple[Root, list[Array]]:
+    """Alternate bound, rounding and fixing while they make progress; also the multipliers worth keeping as proof."""
+    columns = columns_of(root.core.pairs)
+    proofs = [root.bound.multipliers]
+    idle = 0
+    for _ in range(_ROUNDS):
+        if idle == 2 or root.bound.value >= target.cutoff(root.upper) or time.perf_counter() > deadline:
+            break
+        cutoff = target.cutoff(root.upper)
+        found = raise_bound(root.core.pairs, root.core.state, root.bound.multipliers, cutoff, _ITERATIONS)
+        opened, upper = _round(root, columns, found, deadline)
+        gained = found.value - root.bound.value
+        idle = 0 if upper < root.upper or gained > 0.02 * (upper - found.value) else idle + 1
+        root = replace(root, open=opened, upper=upper, bound=found)
+        if root.core.pairs.facilities == len(root.core.origin):
+            proofs = [*proofs[:1], found.multipliers]
+        root, columns = _shrunk(root, columns, target)
+    return root, [*proofs, root.bound.multipliers]
+
+
+def _round(root: Root, columns: Columns, found: Bound, deadline: float) -> tuple[BoolArray, float]:
+    """The best plan among roundings of the estimated opening, each descended on the facilities it suggests."""
+    best, upper = root.open, root.upper
+    for threshold in _THRESHOLDS:
+        if time.perf_counter() > deadline:
+            break
+        trial = descend(root.core.pairs, columns, found.share > threshold, (found.share > 0.005) | best)
+        cost = float(open_cost(root.core.pairs, trial))
+        if cost < upper:
+            best, upper = trial, cost
+    return best, upper
+
+
+def _shrunk(root: Root, columns: Columns, target: Target) -> tuple[Root, Columns]:
+    """The root on a smaller core, where fixing removes enough to pay for rebuilding it."""
+    gap = target.cutoff(root.upper) - root.bound.value
+    if gap <= 0.0:
+        return root, columns
+    core = shrink(root.core, root.bound, gap, root.open)
+    if len(core.pairs.cost) > 0.7 * len(root.core.pairs.cost):
+        return root, columns
+    kept = np.isin(root.core.origin, core.origin)
+    bound = root.bound._replace(reduced=root.bound.reduced[kept], share=root.bound.share[kept])
+    return Root(core, root.open[kept], root.upper, bound), columns_of(core.pairs)
+
+
+def solve_facility_location(
+    opening_cost: Array, service_cost: Array, *, time_limit_s: float = 60.0, gap: float = 0.0
+) -> FacilitySolution:
+    """Open facilities and assign demands at least total cost (thesis, equation 3.3).
+
+    Args:
+        opening_cost: [F] at least 0.
+        service_cost: [D, F] at least 0, cost of serving a demand (row) from a facility (column).
+        time_limit_s: wall seconds; at the limit the best solution so far is returned with its true bound.
+        gap: relative gap at which the search may stop; 0 proves optimality (to 1e-9 relative).
+
+    Raises:
+        ShapeError: no facility or no demand, a wrong shape, a cost that is NaN, infinite or negative.
+        ConfigError: a time limit of zero or less, or a gap outside [0, 1).
+    """
+    began = time.perf_counter()
+    if not time_limit_s > 0.0:
+        raise ConfigError(f"time_limit_s: {time_limit_s} given; it must be above 0")
+    if not 0.0 <= gap < 1.0:
+        raise ConfigError(f"gap: {gap} given; it is relative and must lie in [0, 1)")
+    sizes: dict[str, int] = {}
+    opening = np.array(freeze("opening_cost", opening_cost, ("F",), sizes, low=0.0))
+    service = np.array(freeze("service_cost", service_cost, ("D", "F"), sizes, low=0.0))
+    if not service.size:
+        raise ShapeError(f"service_cost: has shape {service.shape}; give at least one demand and one facility")
+    pairs = of_table(opening, service)
+    answer = solve_pairs(pairs, deadline=began + time_limit_s, gap=gap)
+    opened = open_for_outside(opening, service, answer.open)
+    assignment = np.flatnonzero(opened)[service[:, opened].argmin(axis=1)]
+    cost = float(opening[opened].sum() + service[np.arange(len(service)), assignment].sum())
+    bound = bound_of(pairs, np.zeros(pairs.facilities, dtype=np.int8), answer.multipliers)
+    return FacilitySolution(
+        open=opened,
+        assignment=assignment,
+        cost=cost,
+        lower_bound=min(cost, answer.lower_bound),
+        status=answer.status,
+        seconds=time.perf_counter() - began,
+        certificate=Certificate(np.minimum(answer.multipliers, pairs.outside), min(bound, cost), cost),
+    )
