@@ -82,7 +82,7 @@ def _command_line(name: str, entry: Callable[[], Any]) -> int:
     except JobError as failure:
         return failure.code
     except (HydraException, OmegaConfBaseException, YAMLError, ValueError) as error:  # a job reports its own
-        print(f"stage {name}: {_one_message(error)}\nSee `python -m stages.{name} --help`.", file=sys.stderr)  # noqa: T201
+        print(f"stage {name}: {_one_message(error)}\nSee `python -m stages.{name} --help`.", file=sys.stderr)
         return P2LError.exit_code
     return 0
 
@@ -121,10 +121,10 @@ def _job(name: str, schema: type[ConfigT], function: StageFunction[ConfigT], com
         _run(name, schema, function, composed, out)
     except P2LError as error:
         _clear(out)
-        print(f"{title}: {error}", file=sys.stderr)  # noqa: T201
+        print(f"{title}: {error}", file=sys.stderr)
         raise failed(error.exit_code) from None
     except Exception:
-        print(f"{title}: unexpected error\n{traceback.format_exc()}", file=sys.stderr)  # noqa: T201
+        print(f"{title}: unexpected error\n{traceback.format_exc()}", file=sys.stderr)
         raise failed(1) from None
 
 

@@ -35,7 +35,7 @@ class ParentRun(Callback):
                 name, Path(config.hydra.sweep.dir).name, command, ROOT, config.tracking.uri
             )
         except P2LError as error:
-            print(f"stage {name}: {error}", file=sys.stderr)  # noqa: T201
+            print(f"stage {name}: {error}", file=sys.stderr)
             raise SystemExit(error.exit_code) from None  # Hydra turns an exception of a callback into a warning
         atexit.register(self._end, "FAILED")
         with open_dict(config):
