@@ -146,6 +146,9 @@ def test_training_tasks_spread_evenly_and_sets_hold_different_parts():
     assert tasks.features.shape == (150, 66)
     assert set(np.unique(tasks.features[:, :64])) == {0.0, 1.0}
     assert len(set(tasks.names)) == 150
+    few = [SMALL.sample_tasks(rng, 17).group for _ in range(5)]
+    assert all(set(np.bincount(group)) == {1, 2} for group in few)
+    assert len({tuple(group) for group in few}) > 1
     sets = [SMALL.sample_set(rng, 10) for _ in range(5)]
     assert all(len(set(day.group)) == 10 for day in sets)
     assert len({tuple(day.group) for day in sets}) == 5

@@ -77,8 +77,10 @@ class Lego:
         return (*pixels, "width_cm", "height_cm")
 
     def sample_tasks(self, rng: np.random.Generator, n: int) -> Tasks:
-        """N pictures spread evenly over the fifteen parts (150 in the thesis, ten of each)."""
-        return self._photograph(np.sort(np.arange(n) % len(PARTS)), rng)
+        """N pictures spread evenly over the fifteen parts (150 in the thesis, ten of each), a remainder at random."""
+        rounds, rest = divmod(n, len(PARTS))
+        parts = np.concatenate([np.tile(np.arange(len(PARTS)), rounds), rng.permutation(len(PARTS))[:rest]])
+        return self._photograph(np.sort(parts), rng)
 
     def sample_set(self, rng: np.random.Generator, n: int) -> Tasks:
         """One planning problem: n different parts in random order, each with a fresh picture."""
