@@ -1,0 +1,125 @@
+"""A picture of a plan: the tasks in order of work, what happens to each, and which lesson pays for which task."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from p2l.artifacts import atomic
+from p2l.records import Array, IntArray
+from p2l.team.problem import Decision, Plan, Problem
+
+COLOURS = {Decision.ACT: "#4477AA", Decision.DELEGATE: "#BBBBBB", Decision.LEARN: "#CC6677"}
+_MEANING = {Decision.ACT: "act (robot)", Decision.DELEGATE: "delegate (person)", Decision.LEARN: "learn (lesson)"}
+_ARCS = ("#882255", "#117733", "#332288", "#AA7700", "#007777", "#AA4499")  # one per lesson, in turn
+_NAMED = 60  # up to so many tasks each has its name and a marker of its own
+_LONGEST = 18  # letters of a task name
+
+
+def save_plan_figure(path: Path | str, problem: Problem, plan: Plan) -> None:
+    """Draw a plan to a PNG (or what the suffix says), atomically."""
+    figure = plan_figure(problem, plan)
+    with atomic(path) as temporary:
+        figure.savefig(temporary, dpi=150)
+
+
+def plan_figure(problem: Problem, plan: Plan) -> Figure:
+    """The figure: arcs from each lesson to the attempts it serves above, the expected cost of each task below."""
+    named = problem.n <= _NAMED
+    figure = Figure(figsize=(float(np.clip(3.0 + 0.26 * problem.n, 7.0, 18.0)), 5.4), layout="constrained")
+    above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
+    place = np.empty(problem.n, dtype=np.int64)
+    place[plan.sequence] = np.arange(1, problem.n + 1)
+    arcs = _draw_arcs(above, plan, place, named)
+    _draw_tasks(above, plan, place, named)
+    _draw_costs(below, problem, plan, place)
+    below.set_xlim(0.3, problem.n + 0.7)
+    if named:
+        names = [_short(problem.tasks[task]) for task in plan.sequence]
+        crowded = problem.n > 12 or max(map(len, names)) > 60 // problem.n
+        below.set_xticks(np.arange(1, problem.n + 1), names, rotation=90 if crowded else 0, fontsize=8)
+    below.set_xlabel(f"task, in order of work ({problem.order})")
+    counts = ", ".join(f"{plan.count(kind)} {kind.name.lower()}" for kind in Decision)
+    proof = "optimal" if plan.status == "optimal" else f"{plan.status}, gap {plan.gap:.2%}"
+    above.set_title(f"Expected cost {plan.objective:,.1f} ({plan.planner}: {proof}) – {counts}", fontsize=10)
+    handles: list[Patch | Line2D] = [Patch(color=COLOURS[kind], label=_MEANING[kind]) for kind in Decision]
+    handles.append(Patch(**_failure_style(named), label="expected failure"))
+    if arcs:
+        handles.append(Line2D([], [], color=_ARCS[0], label="lesson pays for"))
+    else:
+        above.text(0.5, 0.5, "no lesson serves another task", transform=above.transAxes, ha="center", color="#666666")
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), fontsize=8, frameon=False)
+    return figure
+
+
+def _draw_arcs(axes: Axes, plan: Plan, place: IntArray, named: bool) -> int:
+    """Half circles squeezed to one height scale; returns how many there are."""
+    lessons = plan.sequence[plan.decision[plan.sequence] == Decision.LEARN]
+    colour = {int(lesson): _ARCS[rank % len(_ARCS)] for rank, lesson in enumerate(lessons)}
+    users = np.flatnonzero((plan.decision == Decision.ACT) & (plan.skill >= 0))
+    longest = max(1.0, float(np.abs(place[users] - place[plan.skill[users]]).max(initial=1)))
+    lines = [_arc(place[plan.skill[task]], place[task], longest) for task in users]
+    shades = [colour[int(plan.skill[task])] for task in users]
+    many = len(users) > 150
+    axes.add_collection(
+        LineCollection(lines, colors=shades, linewidths=0.4 if many else 1.2, alpha=0.35 if many else 0.8, zorder=1)
+    )
+    if named:
+        axes.scatter(place[users], np.full(len(users), 0.035), marker="v", s=14, c=shades, zorder=4)
+        axes.scatter(place[lessons], np.full(len(lessons), 0.0), marker="s", s=130, c=list(colour.values()), zorder=2)
+    axes.set_ylim(-0.08, 1.08)
+    axes.set_yticks([])
+    axes.spines[["left", "right", "top", "bottom"]].set_visible(False)
+    axes.tick_params(bottom=False, labelbottom=False)
+    return len(users)
+
+
+def _arc(start: int, end: int, longest: float) -> Array:
+    angle = np.linspace(0.0, np.pi, 40)
+    middle, radius = 0.5 * (start + end), 0.5 * (end - start)
+    height = abs(end - start) / longest
+    return np.stack([middle - radius * np.cos(angle), np.sqrt(height) * np.sin(angle)], axis=1)
+
+
+def _draw_tasks(axes: Axes, plan: Plan, place: IntArray, named: bool) -> None:
+    for kind in Decision:
+        mine = place[plan.decision == kind]
+        if named:
+            axes.scatter(mine, np.zeros(len(mine)), marker="s", s=70, color=COLOURS[kind], zorder=3)
+        else:
+            axes.bar(mine, 0.06, bottom=-0.06, width=1.0, color=COLOURS[kind], zorder=3)
+
+
+def _draw_costs(axes: Axes, problem: Problem, plan: Plan, place: IntArray) -> None:
+    act = plan.decision == Decision.ACT
+    certain = np.where(act, problem.c_rob, plan.expected_cost)
+    width = 0.75 if problem.n <= _NAMED else 1.0
+    for kind in Decision:
+        mine = plan.decision == kind
+        axes.bar(place[mine], certain[mine], width=width, color=COLOURS[kind])
+    style = _failure_style(problem.n <= _NAMED)
+    axes.bar(place[act], (plan.expected_cost - certain)[act], bottom=certain[act], width=width, **style)
+    axes.set_ylabel("expected cost\n(unit of the given costs)")
+    axes.spines[["right", "top"]].set_visible(False)
+    if problem.n <= 12:
+        for task in range(problem.n):
+            label = f"{plan.expected_cost[task]:,.0f}"
+            axes.annotate(label, (place[task], plan.expected_cost[task]), ha="center", va="bottom", fontsize=8)
+        axes.margins(y=0.15)
+
+
+def _failure_style(named: bool) -> dict[str, Any]:
+    if not named:
+        return {"color": "#A9C4DD"}
+    return {"facecolor": "white", "edgecolor": COLOURS[Decision.ACT], "hatch": "////", "linewidth": 0.6}
+
+
+def _short(name: str) -> str:
+    return name if len(name) <= _LONGEST else name[: _LONGEST - 1] + "…"

@@ -1,0 +1,218 @@
+"""A person's own tasks: `orders.csv` and `transfer.csv` in, `plan.csv`, `plan.json` and a table of reasons out.
+
+Reading stops at the first thing that is wrong, with one message that names the file, the row (as a spreadsheet counts
+them, the header is row 1) and the column.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from p2l.artifacts import finite, write_text
+from p2l.errors import ConfigError, InputError
+from p2l.records import Array
+from p2l.team.outcome import decide, objective
+from p2l.team.problem import ORDERS, Decision, Order, Plan, Problem
+
+_COSTS = ("c_rob", "c_hum", "c_fail", "c_demo")
+_ORDERS_COLUMNS = ("task", *_COSTS)
+_LARGEST = 1e100  # a larger cost is a slip, and sums of such costs overflow
+_NAMED = 4  # tasks that a row of the table of reasons names; the rest are counted
+
+Row = tuple[int, list[str]]
+
+
+def read_problem(orders_csv: Path | str, transfer_csv: Path | str, order: Order = "fixed") -> Problem:
+    """Read tasks in work order and the transfer table.
+
+    Args:
+        orders_csv: columns `task,c_rob,c_hum,c_fail,c_demo` and optionally `pretrained` (a probability, 0 if absent).
+        transfer_csv: square; first column the taught task, first row the tested task, cells probabilities. Rows and
+            columns may come in any order.
+        order: "fixed" or "any".
+
+    Raises:
+        InputError: a file that is missing, empty or not a CSV; an unknown, missing or repeated column; a missing, extra
+            or repeated task; a cell that is no number, NaN, infinite, negative, or no probability.
+        ConfigError: an unknown order.
+    """
+    if order not in ORDERS:
+        raise ConfigError(f"order: '{order}' is unknown; use one of {list(ORDERS)}")
+    orders, transfer = Path(orders_csv), Path(transfer_csv)
+    header, rows = _table(orders)
+    missing = [name for name in _ORDERS_COLUMNS if name not in header]
+    for name in header:
+        if name not in (*_ORDERS_COLUMNS, "pretrained"):
+            allowed = f"{','.join(_ORDERS_COLUMNS)} and optionally pretrained, separated by commas"
+            raise InputError.at(orders, 1, name, f"unknown column; allowed are {allowed}")
+    if missing:
+        raise InputError.at(orders, 1, missing[0], "column is missing; every task needs it")
+    at = {name: place for place, name in enumerate(header)}
+    tasks = _names(orders, [(line, cells[at["task"]]) for line, cells in rows], "task", "task")
+    costs = {
+        name: np.array([_number(orders, line, name, cells[at[name]], _LARGEST) for line, cells in rows])
+        for name in _COSTS
+    }
+    pretrained = np.zeros(len(tasks))
+    if "pretrained" in at:
+        cells_of = [(line, cells[at["pretrained"]]) for line, cells in rows]
+        pretrained = np.array([_number(orders, line, "pretrained", text, 1.0) for line, text in cells_of])
+    table = _read_transfer(transfer, tasks, orders)
+    return Problem(tasks=tasks, **costs, pretrained=pretrained, transfer=table, order=order)
+
+
+def write_plan(folder: Path | str, problem: Problem, plan: Plan) -> None:
+    """Write `plan.csv` (one row per task, in order of work) and `plan.json` (the summary) into `folder`, atomically.
+
+    In `plan.csv`, `skill` names the lesson that an attempt uses (a taught task names itself); it is empty for the
+    pre-trained skills and for the person.
+    """
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(["order", "task", "decision", "skill", "p_success", "expected_cost"])
+    for place, task in enumerate(plan.sequence.tolist(), start=1):
+        skill = int(plan.skill[task])
+        decision = Decision(int(plan.decision[task])).name.lower()
+        numbers = [repr(float(plan.p_success[task])), repr(float(plan.expected_cost[task]))]
+        writer.writerow([place, problem.tasks[task], decision, problem.tasks[skill] if skill >= 0 else "", *numbers])
+    summary = {
+        "planner": plan.planner,
+        "status": plan.status,
+        "objective": finite(plan.objective),
+        "lower_bound": finite(plan.lower_bound),
+        "gap": finite(plan.gap),
+        "seconds": finite(plan.seconds),
+        "n_tasks": problem.n,
+        "n_act": plan.count(Decision.ACT),
+        "n_delegate": plan.count(Decision.DELEGATE),
+        "n_learn": plan.count(Decision.LEARN),
+    }
+    write_text(Path(folder) / "plan.csv", text.getvalue())
+    write_text(Path(folder) / "plan.json", json.dumps(summary, indent=1, allow_nan=False) + "\n")
+
+
+def explain(problem: Problem, plan: Plan) -> str:
+    """A table saying why each lesson pays: its cost, the tasks it pays for, their cost without it, and the saving.
+
+    "Without it" keeps the other lessons and does every other task at its best; the taught task is counted in.
+    """
+    taught = plan.decision == Decision.LEARN
+    alone = objective(problem, decide(problem, np.zeros(problem.n, dtype=bool), plan.sequence), plan.sequence).total
+    rows = [("lesson", "costs", "pays for", "cost without it", "cost with it", "saving")]
+    for lesson in plan.sequence[taught[plan.sequence]].tolist():
+        others = taught.copy()
+        others[lesson] = False
+        without = objective(problem, decide(problem, others, plan.sequence), plan.sequence).expected_cost
+        users = [task for task in plan.sequence.tolist() if plan.skill[task] == lesson and task != lesson]
+        group = [lesson, *users]
+        before, now = float(without[group].sum()), float(plan.expected_cost[group].sum())
+        names = [problem.tasks[task] for task in users]
+        listed = ", ".join(names[:_NAMED]) + (f" and {len(names) - _NAMED} more" if len(names) > _NAMED else "")
+        numbers = [f"{value:,.1f}" for value in (before, now, before - now)]
+        rows.append((problem.tasks[lesson], f"{problem.c_demo[lesson]:,.1f}", listed or "itself only", *numbers))
+    counts = ", ".join(f"{plan.count(kind)} {kind.name.lower()}" for kind in Decision)
+    proof = "proven optimal" if plan.status == "optimal" else f"{plan.status}, at most {plan.gap:.2%} above the optimum"
+    total = f"Expected cost {plan.objective:,.1f} ({proof}); without any lesson {alone:,.1f}. {counts}."
+    return total + "\n" + (_aligned(rows) if len(rows) > 1 else "No lesson pays for itself.")
+
+
+def _aligned(rows: Sequence[Sequence[str]]) -> str:
+    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
+    left = (0, 2)  # names are read from the left, numbers compared from the right
+    lines = [
+        "  ".join(
+            cell.ljust(w) if column in left else cell.rjust(w)
+            for column, (cell, w) in enumerate(zip(row, widths, strict=True))
+        )
+        for row in rows
+    ]
+    return "\n".join([lines[0], "  ".join("-" * width for width in widths), *lines[1:]])
+
+
+def _read_transfer(path: Path, tasks: tuple[str, ...], orders: Path) -> Array:
+    header, rows = _table(path)
+    tested = _names(path, [(1, name) for name in header[1:]], None, "tested task")
+    taught = _names(path, [(line, cells[0]) for line, cells in rows], header[0] or None, "taught task")
+    if len(tested) != len(taught):
+        raise InputError.at(path, None, None, f"is {len(taught)} x {len(tested)}; a transfer table must be square")
+    place = {name: index for index, name in enumerate(tasks)}
+    for names, row in ((tested, 1), (taught, None)):
+        given = set(names)
+        side = "column" if row else "row"
+        for name in names:
+            if name not in place:
+                at = row or rows[taught.index(name)][0]
+                raise InputError.at(
+                    path, at, name if row else None, f"task '{name}' is not in {orders.name}; remove it"
+                )
+        if absent := [name for name in tasks if name not in given]:
+            raise InputError.at(path, row, None, f"has no {side} for task '{absent[0]}' of {orders.name}; add it")
+    table = np.empty((len(tasks), len(tasks)))
+    columns = [place[name] for name in tested]
+    for (line, cells), name in zip(rows, taught, strict=True):
+        table[place[name], columns] = _probabilities(path, line, tested, cells[1:])
+    return table
+
+
+def _probabilities(path: Path, line: int, tested: tuple[str, ...], cells: list[str]) -> Array:
+    """One row at once; cell by cell only to find out what is wrong."""
+    try:
+        values = np.array(cells, dtype=np.float64)
+    except ValueError:
+        values = np.array([np.nan])
+    if not bool(((values >= 0.0) & (values <= 1.0)).all()):
+        return np.array([_number(path, line, name, cell, 1.0) for name, cell in zip(tested, cells, strict=True)])
+    return values
+
+
+def _number(path: Path, line: int, column: str, text: str, largest: float) -> float:
+    what = "a probability in [0, 1]" if largest == 1.0 else "a cost of at least 0"
+    try:
+        value = float(text)
+    except ValueError:
+        raise InputError.at(path, line, column, f"'{text}' is not a number; give {what}") from None
+    if not 0.0 <= value <= largest:  # also refuses NaN
+        raise InputError.at(path, line, column, f"'{text}' is not allowed; give {what}")
+    return value
+
+
+def _names(path: Path, given: list[tuple[int, str]], column: str | None, what: str) -> tuple[str, ...]:
+    seen: set[str] = set()
+    for line, name in given:
+        if not name:
+            raise InputError.at(path, line, column, f"a {what} has no name; name it")
+        if name in seen:
+            raise InputError.at(path, line, column, f"{what} '{name}' appears twice; keep one")
+        seen.add(name)
+    return tuple(name for _, name in given)
+
+
+def _table(path: Path) -> tuple[list[str], list[Row]]:
+    """Header and rows with their line numbers; cells are stripped, blank lines skipped, lengths checked."""
+    if not path.is_file():
+        raise InputError.at(path, None, None, "no such file; check the path")
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as stream:
+            reader = csv.reader(stream, strict=True)
+            lines = [(reader.line_num, [cell.strip() for cell in cells]) for cells in reader]
+    except (UnicodeDecodeError, csv.Error, OSError) as error:
+        raise InputError.at(path, None, None, f"cannot be read as a UTF-8 CSV file ({error})") from error
+    lines = [(line, cells) for line, cells in lines if any(cells)]
+    if not lines:
+        raise InputError.at(path, None, None, "is empty; it needs a header and one row per task")
+    (_, header), *rows = lines
+    if not rows:
+        raise InputError.at(path, None, None, "has a header but no tasks; add one row per task")
+    if twice := [name for name, count in Counter(header).items() if name and count > 1]:
+        raise InputError.at(path, 1, twice[0], "column appears twice; keep one")
+    for line, cells in rows:
+        if len(cells) != len(header):
+            raise InputError.at(path, line, None, f"has {len(cells)} cells; the header has {len(header)}")
+    return header, rows
