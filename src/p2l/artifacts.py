@@ -116,11 +116,13 @@ def load_arrays(path: Path | str, *, schema: str, version: int) -> dict[str, Any
 
 def save_json(path: Path | str, content: Mapping[str, Any], *, schema: str, version: int) -> None:
     """Write small facts; NaN and infinity are refused because JSON has neither."""
-    body = json.dumps(content, sort_keys=True, allow_nan=False)
-    digest = hashlib.blake2b(body.encode(), digest_size=16).hexdigest()
-    envelope = {"schema": schema, "version": version, "digest": digest, **content}
     if clash := {"schema", "version", "digest"} & set(content):
         raise ArtifactError(f"{path}: reserved keys {sorted(clash)}")
+    try:
+        plain = json.loads(json.dumps(content, allow_nan=False))  # as a reader will see it: keys are text
+    except (TypeError, ValueError) as error:
+        raise ArtifactError(f"{path}: cannot be written as JSON ({error})") from error
+    envelope = {"schema": schema, "version": version, "digest": _digest_json(plain), **plain}
     write_text(path, json.dumps(envelope, indent=1, allow_nan=False) + "\n")
 
 
@@ -128,13 +130,16 @@ def load_json(path: Path | str, *, schema: str, version: int) -> dict[str, Any]:
     """Read a JSON artifact written by `save_json` (raises `ArtifactError`)."""
     path = _require(Path(path))
     try:
-        envelope: dict[str, Any] = json.loads(path.read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise ArtifactError(f"{path}: not JSON ({error})") from error
+        envelope: dict[str, Any] = dict(json.loads(path.read_text(encoding="utf-8")))
+    except (TypeError, ValueError) as error:
+        raise ArtifactError(f"{path}: not a JSON artifact ({error})") from error
     content = {key: value for key, value in envelope.items() if key not in ("schema", "version", "digest")}
-    digest = hashlib.blake2b(json.dumps(content, sort_keys=True).encode(), digest_size=16).hexdigest()
-    _check(path, envelope, schema, version, digest)
+    _check(path, envelope, schema, version, _digest_json(content))
     return content
+
+
+def _digest_json(content: Mapping[str, Any]) -> str:
+    return hashlib.blake2b(json.dumps(content, sort_keys=True).encode(), digest_size=16).hexdigest()
 
 
 def save_table(path: Path | str, table: pd.DataFrame, *, schema: str, version: int) -> None:

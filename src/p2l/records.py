@@ -38,7 +38,13 @@ def freeze(
     Raises:
         ShapeError: names the array, what was given and what is allowed.
     """
-    array = np.array(value, dtype=dtype, order="C")
+    given = np.asarray(value)
+    try:
+        array = np.array(given, dtype=dtype, order="C")
+    except (TypeError, ValueError) as error:
+        raise ShapeError(f"{name}: holds {given.dtype} values that are not numbers ({error})") from error
+    if array.dtype.kind in "iu" and given.dtype.kind == "f" and not np.array_equal(given, array):
+        raise ShapeError(f"{name}: holds values that are not whole numbers; expected integers")
     if array.ndim != len(shape):
         raise ShapeError(f"{name}: has {array.ndim} axes {array.shape}; expected {len(shape)} axes {list(shape)}")
     for axis, (length, letter) in enumerate(zip(array.shape, shape, strict=True)):
@@ -80,6 +86,8 @@ class TransferData:
     skills: Array
 
     def __post_init__(self) -> None:
+        if self.draws < 1:
+            raise ShapeError(f"draws: given {self.draws}; expected at least 1")
         sizes = {"M": len(self.names), "F": len(self.feature_names)}
         put = object.__setattr__
         put(self, "features", freeze("features", self.features, ("M", "F"), sizes))

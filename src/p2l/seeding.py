@@ -7,13 +7,14 @@ path, so training, choosing and evaluating never meet the same numbers, and addi
 from __future__ import annotations
 
 import hashlib
+import json
 
 import numpy as np
 
 
 def entropy(seed: int, *path: str | int) -> int:
     """128 bits that identify (seed, path); stable across processes and platforms."""
-    text = "/".join([str(int(seed)), *(f"{type(part).__name__}:{part}" for part in path)])
+    text = json.dumps([int(seed), *(part if isinstance(part, str) else int(part) for part in path)])
     return int.from_bytes(hashlib.blake2b(text.encode(), digest_size=16).digest(), "little")
 
 
