@@ -136,8 +136,9 @@ def _ascend(pairs, state, v, upper, step, iterations, progress):
     for j in range(facilities):
         share[j] = 1.0 if _taken(state, best_reduced, j) else 0.0
     weight, idle, checked = 0.1, 0, value
+    aim = upper + max(0.05 * (upper - value), 1e-8 * abs(upper))  # steps that aim at a value never pass it
     for t in range(iterations):
-        if value >= upper or not _move(pairs.outside, centre, mean, step, upper - value, trial):
+        if value >= upper or not _move(pairs.outside, centre, mean, step, aim - value, trial):
             break
         found = _evaluate(pairs, state, trial, reduced, residual)
         along = _average(state, reduced, residual, mean, share, weight)

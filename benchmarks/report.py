@@ -1,0 +1,39 @@
+"""What every benchmark shares: the command line, the table on the screen and the JSON file."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import platform
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from p2l.artifacts import write_text
+
+Row = Mapping[str, object]
+
+
+def parser(doc: str | None) -> argparse.ArgumentParser:
+    """A command line with `--json FILE`; the module's docstring is its help."""
+    made = argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
+    made.add_argument("--json", type=Path, metavar="FILE", help="also write the rows to FILE")
+    return made
+
+
+def finish(rows: Sequence[Row], target: Path | None) -> None:
+    """Print the rows as a table and write them to `target` if given."""
+    columns = list(dict.fromkeys(name for row in rows for name in row))
+    cells = [columns, *[[_text(row.get(name)) for name in columns] for row in rows]]
+    widths = [max(len(line[column]) for line in cells) for column in range(len(columns))]
+    for line in cells:
+        print("  ".join(cell.rjust(width) for cell, width in zip(line, widths, strict=True)))
+    if target is not None:
+        machine = {"python": sys.version.split()[0], "machine": platform.machine(), "system": platform.system()}
+        write_text(target, json.dumps({"machine": machine, "rows": [dict(row) for row in rows]}, indent=1) + "\n")
+
+
+def _text(value: object) -> str:
+    if value is None:
+        return "-"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)
