@@ -53,7 +53,7 @@ def _study_sets(cfg: PlanConfig, out: Path, track: Tracker) -> None:
     blocks = [make_block(domain, study, cfg.seed, index) for index in range(study.blocks)]
     limit = cfg.time_limit_s
     plans = pd.concat([predicted_plans(study, cfg.seed, block, model.predict, thetas, limit) for block in blocks])
-    save_table(out / "plans.parquet", plans.assign(identity=cfg.identity), schema="plans", version=1)
+    save_table(out / "plans.parquet", plans, schema="plans", version=1)
     save_json(out / "summary.json", {"thetas": thetas, "plans": len(plans)}, schema="plan_summary", version=1)
     track.metrics({f"{name}/best_theta": theta for name, theta in thetas.items()})
 

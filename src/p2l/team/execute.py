@@ -10,11 +10,16 @@ Axis letters: M pool tasks, Q pre-training tasks, n tasks of a set.
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from p2l.artifacts import config_hash
+from p2l.ledger import Item, find, write
 from p2l.records import Array, IntArray, freeze
 from p2l.seeding import generator
 from p2l.team.problem import Decision, Plan
@@ -31,6 +36,9 @@ from p2l.team.study import (
     task_sets,
 )
 from p2l.worlds.domain import Domain, Progress
+
+# Part of every truth record's hash: raise it when simulator, world or learner give other outcomes than before.
+TRUTH_VERSION = 1
 
 
 @dataclass(frozen=True)
@@ -115,6 +123,7 @@ def plan_rows(
     return pd.DataFrame(
         {
             "block": block.index,
+            "digest": block.digest,
             "set": task_set.index,
             "regime": regime.name,
             "level": level,
@@ -157,3 +166,48 @@ def execute_plans(plans: pd.DataFrame, regimes: tuple[Regime, ...], truth: Truth
     keys = ["block", "set", "regime", "level", "method"]
     sums = ["predicted_cost", "executed_cost", "demos", "delegated", "attempts", "failures", "n_tasks"]
     return rows.groupby(keys, sort=True)[sums].sum().reset_index()
+
+
+def recorded_truth(
+    domain: Domain,
+    study: Study,
+    seed: int,
+    block: Block,
+    records: Path,
+    identity: str,
+    progress: Progress | None = None,
+) -> Truth:
+    """The truth of a block from its record in the ledger, else by simulation, which leaves a record.
+
+    Args:
+        domain: the world.
+        study: the experiment.
+        seed: of the evaluation.
+        block: its tasks.
+        records: folder of the ledger.
+        identity: hash of the configuration that decides tasks and truth.
+        progress: called while simulating.
+    """
+    item = Item(domain.name, "truth", block.index, config_hash([TRUTH_VERSION, identity, block.digest]))
+    if (known := find(records, item)) is None:
+        start = time.perf_counter()
+        truth = measure_truth(domain, study, seed, block, progress)
+        known = {"planning": truth.planning.tolist(), "executing": truth.executing.tolist()}
+        write(records, item, known, seconds=time.perf_counter() - start)
+    return Truth(known["planning"], known["executing"])
+
+
+def recorded_rows(
+    domain: Domain, study: Study, plans: pd.DataFrame, truth: Truth, records: Path
+) -> list[dict[str, Any]]:
+    """Executed rows of one method in one block, from its record if the same plans met the same truth."""
+    method, block = str(plans["method"].iloc[0]), int(plans["block"].iloc[0])
+    regimes = [regime.__dict__ for regime in study.regimes]
+    decisive = [regimes, plans.to_dict("records"), truth.executing.tolist()]
+    item = Item(domain.name, method, block, config_hash(decisive))
+    if (known := find(records, item)) is None:
+        start = time.perf_counter()
+        known = {"rows": execute_plans(plans, study.regimes, truth).to_dict("records")}
+        write(records, item, known, seconds=time.perf_counter() - start)
+    rows: list[dict[str, Any]] = known["rows"]
+    return rows

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from p2l.artifacts import config_hash
 from p2l.errors import ConfigError
 from p2l.records import Array, IntArray
 from p2l.seeding import generator
@@ -91,6 +92,12 @@ class Block:
     index: int
     pool: Tasks
     pretrained: Tasks
+
+    @property
+    def digest(self) -> str:
+        """Hash of the tasks themselves: plans and their evaluation must speak of the same ones."""
+        parts = [[tasks.names, tasks.features.tolist()] for tasks in (self.pool, self.pretrained)]
+        return config_hash([self.index, parts])
 
 
 @dataclass(frozen=True)
