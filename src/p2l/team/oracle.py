@@ -6,7 +6,7 @@ import numpy as np
 
 from p2l.errors import SolverError
 from p2l.records import BoolArray
-from p2l.team.outcome import decide, objective
+from p2l.team.outcome import best_skills, work_order
 from p2l.team.problem import Problem
 
 LARGEST = 14
@@ -23,7 +23,9 @@ def exhaustive(problem: Problem) -> BoolArray:
     best, lessons = float("inf"), np.zeros(problem.n, dtype=bool)
     for code in range(1 << problem.n):
         taught = (code >> np.arange(problem.n)) & 1 == 1
-        cost = objective(problem, decide(problem, taught)).total
+        best_probability, _ = best_skills(problem, taught, work_order(problem, taught))
+        attempt = problem.c_rob + (1.0 - best_probability) * problem.c_fail
+        cost = float(np.where(taught, problem.c_demo, np.minimum(problem.c_hum, attempt)).sum())
         if cost < best:
             best, lessons = cost, taught
     return lessons

@@ -1,0 +1,63 @@
+"""Random instances that the team's tests share: ties, zeros and certainties are as likely as ordinary numbers."""
+
+from itertools import product
+
+import numpy as np
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from p2l.team import Problem
+from p2l.team.reduction import facility_cost
+
+probability = st.one_of(st.sampled_from([0.0, 0.1, 0.5, 0.9, 1.0]), st.floats(0.0, 1.0, width=32))
+cost = st.one_of(st.sampled_from([0.0, 10.0, 100.0, 200.0]), st.floats(0.0, 300.0, width=32))
+
+
+@st.composite
+def problems(draw, largest=9, orders=("fixed", "any")):
+    n = draw(st.integers(1, largest))
+    vector = hnp.arrays(np.float64, n, elements=cost)
+    return Problem(
+        tasks=tuple(f"t{i}" for i in range(n)),
+        c_rob=draw(vector) / 10.0,
+        c_hum=draw(vector),
+        c_fail=draw(vector),
+        c_demo=draw(vector),
+        pretrained=draw(hnp.arrays(np.float64, n, elements=probability)) * draw(st.sampled_from([0.0, 1.0])),
+        transfer=draw(hnp.arrays(np.float64, (n, n), elements=probability)),
+        order=draw(st.sampled_from(orders)),
+    )
+
+
+@st.composite
+def tables(draw, facilities=7, demands=8):
+    shape = draw(st.integers(1, demands)), draw(st.integers(1, facilities))
+    scale = draw(st.sampled_from([1e-6, 1.0, 1e7]))
+    opening = draw(hnp.arrays(np.float64, shape[1], elements=cost)) * scale
+    return opening, draw(hnp.arrays(np.float64, shape, elements=cost)) * scale
+
+
+def cheapest_by_hand(opening, service):
+    """Every nonempty open set."""
+    sets = (np.array(bits) for bits in product([False, True], repeat=len(opening)) if any(bits))
+    return min(facility_cost(opening, service, opened) for opened in sets)
+
+
+def thesis_set(n=10, transfer=None, pretrained=0.0, c_demo=200.0):
+    """A set of section 3.5.2: costs 10 / 100 / 100 / 200, no skill carries over unless a table is given."""
+    return Problem(
+        tasks=tuple(f"part {i}" for i in range(n)),
+        c_rob=np.full(n, 10.0),
+        c_hum=np.full(n, 100.0),
+        c_fail=np.full(n, 100.0),
+        c_demo=np.full(n, c_demo),
+        pretrained=np.full(n, pretrained),
+        transfer=np.zeros((n, n)) if transfer is None else transfer,
+    )
+
+
+def geometric(n, seed=0):
+    rng = np.random.default_rng(seed)
+    place = rng.random((n, 2))
+    distance = np.linalg.norm(place[:, None] - place[None], axis=2)
+    return thesis_set(n, np.exp(-distance / 0.3))

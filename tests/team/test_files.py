@@ -1,0 +1,184 @@
+import csv
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+from team_instances import thesis_set
+
+from p2l.errors import ConfigError, InputError
+from p2l.team import Decision, plan
+from p2l.team.files import explain, read_problem, write_plan
+
+ORDERS = "task,c_rob,c_hum,c_fail,c_demo,pretrained\ncup,10,100,100,200,0\nlid,10,100,100,200,0.5\nbox,1e1,90,80,70,1\n"
+TRANSFER = ",box,cup,lid\nlid,0.1,0.2,1\ncup,0.3,1,0.4\nbox,1,0.5,0.6\n"
+
+
+def files(tmp_path, orders=ORDERS, transfer=TRANSFER):
+    (tmp_path / "orders.csv").write_text(orders, encoding="utf-8")
+    (tmp_path / "transfer.csv").write_text(transfer, encoding="utf-8")
+    return tmp_path / "orders.csv", tmp_path / "transfer.csv"
+
+
+def test_rows_and_columns_of_the_table_may_come_in_any_order(tmp_path):
+    problem = read_problem(*files(tmp_path), "any")
+    assert problem.tasks == ("cup", "lid", "box")
+    assert problem.order == "any"
+    assert problem.c_hum.tolist() == [100, 100, 90]
+    assert problem.pretrained.tolist() == [0, 0.5, 1]
+    assert problem.transfer.tolist() == [[1, 0.4, 0.3], [0.2, 1, 0.1], [0.5, 0.6, 1]]
+
+
+def test_spreadsheet_habits_are_understood(tmp_path):
+    orders = (
+        '\ufeffc_demo, task ,c_rob,c_hum,c_fail\r\n200, cup ,10,100,100\r\n\r\n200,"lid, red",10,100,100\r\n,,,,\r\n'
+    )
+    transfer = 'taught,cup,"lid, red"\r\ncup,1,0.5\r\n"lid, red",0.25,1\r\n'
+    problem = read_problem(*files(tmp_path, orders, transfer))
+    assert problem.tasks == ("cup", "lid, red")
+    assert problem.pretrained.tolist() == [0, 0]
+    assert problem.transfer[1, 0] == 0.25
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("c_fail", "c_oops", "orders.csv, row 1, column 'c_oops': unknown column"),
+        (",c_demo", "", "orders.csv, row 2: has 6 cells; the header has 5"),
+        ("c_demo,pretrained", "pretrained", "orders.csv, row 2: has 6 cells"),
+        ("c_hum", "c_rob", "orders.csv, row 1, column 'c_rob': column appears twice"),
+        ("task,", "name,", "orders.csv, row 1, column 'name': unknown column"),
+        ("lid,10", "cup,10", "orders.csv, row 3, column 'task': task 'cup' appears twice"),
+        ("lid,10", ",10", "orders.csv, row 3, column 'task': a task has no name"),
+        ("lid,10", "lid,ten", "orders.csv, row 3, column 'c_rob': 'ten' is not a number"),
+        ("lid,10", "lid,", "orders.csv, row 3, column 'c_rob': '' is not a number"),
+        ("lid,10", "lid,nan", "orders.csv, row 3, column 'c_rob': 'nan' is not allowed; give a cost of at least 0"),
+        ("lid,10", "lid,inf", "orders.csv, row 3, column 'c_rob': 'inf' is not allowed"),
+        ("lid,10", "lid,1e300", "orders.csv, row 3, column 'c_rob': '1e300' is not allowed"),
+        ("lid,10", "lid,-1", "orders.csv, row 3, column 'c_rob': '-1' is not allowed"),
+        ("200,0.5", "200,1.5", "orders.csv, row 3, column 'pretrained': '1.5' is not allowed; give a probability"),
+        ("200,0.5", "200,nan", "orders.csv, row 3, column 'pretrained': 'nan' is not allowed"),
+    ],
+)
+def test_each_mistake_in_the_orders_gets_one_message_with_its_place(tmp_path, old, new, message):
+    assert old in ORDERS
+    with pytest.raises(InputError) as caught:
+        read_problem(*files(tmp_path, orders=ORDERS.replace(old, new, 1)))
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("transfer", "message"),
+    [
+        (TRANSFER.replace("0.2", "1.2"), "transfer.csv, row 2, column 'cup': '1.2' is not allowed; give a probability"),
+        (TRANSFER.replace("0.2", "-0.2"), "transfer.csv, row 2, column 'cup': '-0.2' is not allowed"),
+        (TRANSFER.replace("0.2", "nan"), "transfer.csv, row 2, column 'cup': 'nan' is not allowed"),
+        (TRANSFER.replace("0.2", "inf"), "transfer.csv, row 2, column 'cup': 'inf' is not allowed"),
+        (TRANSFER.replace("0.2", "maybe"), "transfer.csv, row 2, column 'cup': 'maybe' is not a number"),
+        (TRANSFER.replace("0.2", ""), "transfer.csv, row 2, column 'cup': '' is not a number"),
+        (TRANSFER + "pot,0,0,0\n", "transfer.csv: is 4 x 3; a transfer table must be square"),
+        ("\n".join(TRANSFER.splitlines()[:3]), "transfer.csv: is 2 x 3; a transfer table must be square"),
+        (TRANSFER.replace("lid", "pot"), "transfer.csv, row 1, column 'pot': task 'pot' is not in orders.csv"),
+        (TRANSFER.replace("\nlid", "\npot"), "transfer.csv, row 2: task 'pot' is not in orders.csv"),
+        (",box,cup\ncup,0.3,1\nbox,1,0.5\n", "transfer.csv, row 1: has no column for task 'lid' of orders.csv"),
+        (TRANSFER.replace("\nlid", "\ncup"), "transfer.csv, row 3: taught task 'cup' appears twice"),
+        (TRANSFER.replace("box,cup", "cup,cup"), "transfer.csv, row 1, column 'cup': column appears twice"),
+        (TRANSFER.replace("0.4", "0.4,0.4"), "transfer.csv, row 3: has 5 cells; the header has 4"),
+        ("", "transfer.csv: is empty"),
+        (",box,cup,lid\n", "transfer.csv: has a header but no tasks"),
+    ],
+)
+def test_each_mistake_in_the_table_gets_one_message_with_its_place(tmp_path, transfer, message):
+    with pytest.raises(InputError) as caught:
+        read_problem(*files(tmp_path, transfer=transfer))
+    assert message in str(caught.value)
+
+
+def test_a_column_that_is_missing_is_named(tmp_path):
+    orders = "task,c_rob,c_hum,c_fail\ncup,10,100,100\n"
+    with pytest.raises(InputError, match=r"orders.csv, row 1, column 'c_demo': column is missing"):
+        read_problem(*files(tmp_path, orders=orders))
+
+
+def test_files_that_cannot_be_read(tmp_path):
+    orders, transfer = files(tmp_path, orders="")
+    with pytest.raises(InputError, match=r"orders.csv: is empty"):
+        read_problem(orders, transfer)
+    with pytest.raises(InputError, match=r"absent.csv: no such file"):
+        read_problem(tmp_path / "absent.csv", transfer)
+    with pytest.raises(InputError, match="no such file"):
+        read_problem(tmp_path, transfer)
+    orders.write_bytes(b"task,c_rob\n\xff\xfe\x00")
+    with pytest.raises(InputError, match="UTF-8 CSV"):
+        read_problem(orders, transfer)
+    with pytest.raises(ConfigError, match="order: 'best' is unknown"):
+        read_problem(orders, transfer, "best")
+
+
+def example():
+    transfer = np.zeros((5, 5))
+    transfer[1, 2:] = [0.9, 0.8, 0.05]
+    return dataclasses.replace(thesis_set(5, transfer, c_demo=150.0), tasks=("a", "b", "c", "d", "e, red"))
+
+
+def test_a_written_plan_holds_the_decisions_and_their_costs(tmp_path):
+    problem = example()
+    made = plan(problem)
+    write_plan(tmp_path / "new", problem, made)
+    with (tmp_path / "new" / "plan.csv").open(encoding="utf-8", newline="") as stream:
+        rows = list(csv.DictReader(stream))
+    assert list(rows[0]) == ["order", "task", "decision", "skill", "p_success", "expected_cost"]
+    found = [(row["order"], row["task"], row["decision"], row["skill"]) for row in rows]
+    assert found == [
+        ("1", "a", "delegate", ""),
+        ("2", "b", "learn", "b"),
+        ("3", "c", "act", "b"),
+        ("4", "d", "act", "b"),
+        ("5", "e, red", "delegate", ""),
+    ]
+    assert sum(float(row["expected_cost"]) for row in rows) == made.objective
+    summary = json.loads((tmp_path / "new" / "plan.json").read_text(encoding="utf-8"))
+    counts = ["n_tasks", "n_act", "n_delegate", "n_learn"]
+    assert list(summary) == ["planner", "status", "objective", "lower_bound", "gap", "seconds", *counts]
+    assert [summary[name] for name in counts] == [5, 2, 2, 1]
+    assert (summary["planner"], summary["status"], summary["objective"]) == ("auto", "optimal", made.objective)
+
+
+def test_json_never_holds_nan_or_infinity(tmp_path):
+    problem = example()
+    made = dataclasses.replace(plan(problem), lower_bound=-np.inf, gap=np.nan)
+    write_plan(tmp_path, problem, made)
+    summary = json.loads((tmp_path / "plan.json").read_text(encoding="utf-8"))
+    assert summary["lower_bound"] is None
+    assert summary["gap"] is None
+
+
+def test_the_reasons_say_what_each_lesson_saves():
+    problem = example()
+    made = plan(problem)
+    text = explain(problem, made)
+    # lesson b (150) serves c at 20 and d at 30; the person would have done b, c and d for 300
+    assert "proven optimal" in text
+    assert "without any lesson 500.0" in text
+    lesson = next(line for line in text.splitlines() if line.startswith("b "))
+    assert lesson.split() == ["b", "150.0", "c,", "d", "300.0", "200.0", "100.0"]
+
+
+@pytest.mark.parametrize("planner", ["auto", "cba", "alm"])
+def test_the_reasons_are_given_for_every_kind_of_plan(planner):
+    problem = thesis_set(12, np.full((12, 12), 0.9))
+    text = explain(problem, plan(problem, planner))
+    assert ("and 7 more" in text) == (planner != "alm")
+    assert ("No lesson pays" in text) == (planner == "alm")
+
+
+def test_a_free_order_shows_in_the_file(tmp_path):
+    transfer = np.zeros((4, 4))
+    transfer[3] = 1.0
+    problem = dataclasses.replace(thesis_set(4, transfer), order="any")
+    made = plan(problem)
+    write_plan(tmp_path, problem, made)
+    tasks = [line.split(",")[1] for line in (tmp_path / "plan.csv").read_text(encoding="utf-8").splitlines()[1:]]
+    assert tasks == ["part 3", "part 0", "part 1", "part 2"]
+    assert made.count(Decision.LEARN) == 1

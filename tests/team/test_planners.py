@@ -1,0 +1,164 @@
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from team_instances import geometric, problems, thesis_set
+
+from p2l.errors import ConfigError, SolverError
+from p2l.team import PLANNERS, Decision, Problem, objective, plan
+from p2l.team.certificate import check
+from p2l.team.greedy import guarantee
+
+ARRAY_ROUTES = ("auto", "highs", "facility")
+PYOMO_ROUTES = ("max_form", "strong")
+APPROXIMATIONS = ("greedy", "dual_ascent")
+BASELINES = ("ad", "cba", "alm")
+
+
+def close(value, scale=1.0):
+    return pytest.approx(value, rel=1e-6, abs=1e-6 * max(1.0, scale))
+
+
+@settings(max_examples=200)
+@given(problems())
+def test_every_array_route_finds_the_optimum_and_proves_it(problem):
+    best = plan(problem, "exhaustive").objective
+    for planner in ARRAY_ROUTES:
+        made = plan(problem, planner)
+        assert made.objective == close(best), planner
+        assert made.status == "optimal"
+        assert made.lower_bound <= made.objective
+        assert made.lower_bound == close(best)
+
+
+@settings(max_examples=40)
+@given(problems(largest=6))
+def test_both_programs_of_the_thesis_find_the_optimum(problem):
+    best = plan(problem, "exhaustive").objective
+    for planner in PYOMO_ROUTES:
+        made = plan(problem, planner)
+        assert made.objective == close(best), planner
+        assert made.status == "optimal"
+
+
+@settings(max_examples=200)
+@given(problems())
+def test_approximations_lie_between_their_bound_and_their_guarantee(problem):
+    best = plan(problem, "exhaustive").objective
+    for planner in (*APPROXIMATIONS, *BASELINES):
+        made = plan(problem, planner)
+        assert made.objective >= best - 1e-9 * max(1.0, best), planner
+        assert made.lower_bound <= best * (1 + 1e-9), planner
+        assert made.gap == pytest.approx(1 - made.lower_bound / made.objective if made.objective else 0.0, abs=1e-12)
+        if planner == "greedy":
+            assert made.objective <= guarantee(problem.n) * made.lower_bound + 1e-9 * max(1.0, best)
+
+
+@settings(max_examples=100)
+@given(problems())
+def test_what_a_plan_says_is_what_its_decisions_cost(problem):
+    for planner in sorted(set(PLANNERS) - set(PYOMO_ROUTES)):
+        made = plan(problem, planner)
+        again = objective(problem, made.decision, made.sequence)
+        assert made.objective == pytest.approx(again.total)
+        assert np.array_equal(made.skill, again.skill)
+        assert sorted(made.sequence.tolist()) == list(range(problem.n))
+        assert (made.p_success[made.decision != Decision.ACT] == 1.0).all()
+        if made.certificate is not None:
+            assert check(problem, made).cost == pytest.approx(made.objective)
+
+
+@settings(max_examples=100)
+@given(problems(orders=("fixed",)))
+def test_a_free_order_never_costs_more(problem):
+    free = dataclasses.replace(problem, order="any")
+    assert plan(free, "facility").objective <= plan(problem, "facility").objective + 1e-6
+
+
+def test_the_lessons_come_first_where_the_order_is_free():
+    transfer = np.zeros((6, 6))
+    transfer[4] = 1.0
+    made = plan(dataclasses.replace(thesis_set(6, transfer), order="any"))
+    assert made.sequence.tolist() == [4, 0, 1, 2, 3, 5]
+    assert made.objective == pytest.approx(200 + 5 * 10)
+
+
+def test_the_same_task_set_costs_what_table_3_2_says():
+    # no skill to begin with: AD hands everything over, ALM fails at everything, as the thesis reports
+    problem = thesis_set(10)
+    assert plan(problem, "ad").objective == pytest.approx(1000.0)
+    assert plan(problem, "alm").objective == pytest.approx(1100.0)
+    assert plan(problem, "cba", theta=0.5).objective == pytest.approx(2000.0)
+
+
+@pytest.mark.parametrize("planner", ["auto", "max_form", "strong", "highs", "facility"])
+def test_row_one_of_table_3_1(planner):
+    # the first lesson carries over to all nine other holes: one demonstration, nobody else is asked
+    made = plan(thesis_set(10, np.ones((10, 10)), c_demo=300.0), planner)
+    assert made.objective == pytest.approx(300 + 9 * 10)
+    assert made.decision.tolist() == [Decision.LEARN] + [Decision.ACT] * 9
+
+
+@pytest.mark.parametrize("order", ["fixed", "any"])
+@pytest.mark.parametrize("seed", range(3))
+def test_the_large_route_agrees_with_highs_beyond_the_oracle(order, seed):
+    problem = dataclasses.replace(geometric(70, seed), order=order)
+    assert plan(problem, "facility").objective == pytest.approx(plan(problem, "highs").objective)
+
+
+@pytest.mark.parametrize("planner", ["max_form", "strong", "highs", "facility"])
+def test_at_the_time_limit_the_best_plan_comes_with_a_true_bound(planner):
+    problem = geometric(60)
+    made = plan(problem, planner, time_limit_s=1e-6)
+    best = plan(problem, "facility")
+    assert made.status == "time_limit"
+    assert made.lower_bound <= best.objective <= made.objective
+    assert made.gap > 0.0
+
+
+@pytest.mark.parametrize("planner", ["highs", "facility"])
+def test_a_requested_gap_is_kept_and_said(planner):
+    problem = geometric(120)
+    made = plan(problem, planner, gap=0.2)
+    assert made.status in ("feasible", "optimal")
+    assert made.gap <= 0.2
+    assert made.lower_bound <= plan(problem).objective * (1 + 1e-9)
+
+
+@pytest.mark.parametrize(
+    ("planner", "options", "message"),
+    [
+        ("gurobi", {}, "planner: 'gurobi' is unknown; use one of"),
+        ("auto", {"time_limit_s": 0.0}, "time_limit_s: 0.0 given; it must be above 0"),
+        ("auto", {"time_limit_s": float("nan")}, "time_limit_s: nan given"),
+        ("auto", {"gap": 1.0}, "gap: 1.0 given"),
+        ("ad", {"theta": 0.5}, r"unknown options \['theta'\]"),
+        ("cba", {"theta": 1.5}, "theta: 1.5 given"),
+    ],
+)
+def test_a_bad_request_gets_one_message(planner, options, message):
+    with pytest.raises(ConfigError, match=message):
+        plan(thesis_set(3), planner, **options)
+
+
+def test_the_oracle_refuses_what_it_cannot_enumerate():
+    with pytest.raises(SolverError, match="at most 14"):
+        plan(thesis_set(15), "exhaustive")
+
+
+def test_costs_of_any_size_give_the_same_decisions():
+    problem = geometric(30)
+    costs = ("c_rob", "c_hum", "c_fail", "c_demo")
+    plain = plan(problem, "highs")
+    for scale in (1e-9, 1e9):
+        scaled = dataclasses.replace(problem, **{name: getattr(problem, name) * scale for name in costs})
+        for planner in ("highs", "facility"):
+            assert plan(scaled, planner).objective == pytest.approx(plain.objective * scale)
+
+
+def test_one_task():
+    problem = Problem(("only",), *(np.array([c]) for c in (1.0, 5.0, 2.0, 9.0)), np.zeros(1), np.zeros((1, 1)))
+    for planner in sorted(PLANNERS):
+        assert plan(problem, planner, **({"theta": 0.0} if planner == "cba" else {})).objective <= 9.0
+    assert plan(problem).objective == pytest.approx(3.0)

@@ -1,0 +1,58 @@
+import numpy as np
+import pyomo.environ as pyo
+import pytest
+from team_instances import thesis_set
+
+from p2l.errors import SolverError
+from p2l.team.core import solve_core
+from p2l.team.model import max_form, strong_form, taught_in
+from p2l.team.pairs import of_problem
+from p2l.team.solve import solve_model
+
+TRANSFER = np.triu(np.full((6, 6), 0.9))
+
+
+@pytest.mark.parametrize("build", [max_form, strong_form])
+@pytest.mark.parametrize("bad", [float("nan"), float("inf")])
+def test_nan_and_infinity_never_reach_highs(build, bad):
+    model = build(thesis_set(3, TRANSFER[:3, :3]))
+    model.cost.expr += bad * model.x[1]
+    with pytest.raises(SolverError, match="holds NaN or infinity"):
+        solve_model(model, time_limit_s=5.0)
+
+
+@pytest.mark.parametrize("part", ["opening", "outside", "cost"])
+def test_the_array_route_refuses_them_too(part):
+    pairs = of_problem(thesis_set(6, TRANSFER))
+    broken = getattr(pairs, part).copy()
+    broken[1] = np.nan
+    with pytest.raises(SolverError, match="NaN or infinite"):
+        solve_core(pairs._replace(**{part: broken}), time_limit_s=5.0)
+
+
+@pytest.mark.parametrize("build", [max_form, strong_form])
+def test_an_extension_that_leaves_no_plan_is_said_to_be_infeasible(build):
+    model = build(thesis_set(3))
+    model.budget = pyo.Constraint(expr=sum(model.x[i] for i in model.tasks) >= 4)
+    with pytest.raises(SolverError, match="no solution exists"):
+        solve_model(model, time_limit_s=5.0)
+
+
+@pytest.mark.parametrize("build", [max_form, strong_form])
+def test_a_model_can_be_extended_and_both_forms_still_agree(build):
+    # without the budget the plan is one lesson on task 0; lessons may now only come from the second half
+    problem = thesis_set(6, TRANSFER)
+    model = build(problem)
+    model.late = pyo.Constraint(expr=model.x[0] + model.x[1] + model.x[2] == 0)
+    ending = solve_model(model, time_limit_s=30.0)
+    assert ending.finished
+    assert pyo.value(model.cost) == pytest.approx(3 * 100 + 200 + 2 * (10 + 10))
+    assert taught_in(model).tolist() == [False, False, False, True, False, False]
+
+
+@pytest.mark.parametrize("limit", [0.0, -1.0, float("nan")])
+def test_a_time_limit_must_be_positive(limit):
+    with pytest.raises(SolverError, match="must be above 0"):
+        solve_model(strong_form(thesis_set(2)), time_limit_s=limit)
+    with pytest.raises(SolverError, match="must be above 0"):
+        solve_core(of_problem(thesis_set(2)), time_limit_s=limit)
