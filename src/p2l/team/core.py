@@ -59,7 +59,7 @@ def solve_core(pairs: Pairs, *, time_limit_s: float, gap: float = 0.0) -> CoreAn
         raise SolverError("facility location: a cost is NaN or infinite; check the costs before solving")
     if not len(pairs.cost):
         return CoreAnswer(np.zeros(pairs.facilities, dtype=bool), float(pairs.outside.sum()), True, pairs.outside)
-    lp, scale = _relaxation(pairs)
+    lp, scale = strong_form(pairs)
     highs = highspy.Highs()
     options = {"output_flag": False, "threads": 1, "mip_rel_gap": gap, "mip_abs_gap": 0.0, "time_limit": time_limit_s}
     for name, value in options.items():
@@ -104,7 +104,8 @@ def _run(highs: highspy.Highs) -> bool:
     return status in _FINISHED
 
 
-def _relaxation(pairs: Pairs) -> tuple[highspy.HighsLp, float]:
+def strong_form(pairs: Pairs) -> tuple[highspy.HighsLp, float]:
+    """The linear relaxation as HiGHS wants it, its facilities first, and the factor that its costs were scaled by."""
     facilities, count, demands = pairs.facilities, len(pairs.cost), pairs.demands
     cost = np.concatenate([pairs.opening, pairs.cost - pairs.outside[pairs.rows()]])
     largest = float(np.abs(cost).max())

@@ -1,0 +1,124 @@
+"""The team planner at scale, against the plain strong form, in one run on the same instances.
+
+  python -m benchmarks.planner                 n = 20 ... 2,000, and the comparison at n = 1,000
+  python -m benchmarks.planner --sizes 5000    certified within a gap, with peak memory
+  python -m benchmarks.planner --compare 300   a smaller comparison
+
+"wide": a lesson helps on most tasks; "local": on about 2 %. Costs 10/100/100/200, tasks in the unit square.
+`seconds` is the planner's own time; loading and compiling its kernels is reported first and apart.
+"""
+
+from __future__ import annotations
+
+import resource
+import sys
+import time
+
+import numpy as np
+
+from benchmarks import instances, report
+from p2l.records import Array
+from p2l.team import Plan, Problem, plan
+from p2l.team.certificate import check
+from p2l.team.pairs import Pairs
+from p2l.team.reduction import lesson_costs
+
+_ORDERS = ("fixed", "any")
+
+
+def warm_up() -> float:
+    """Seconds to load, and on a fresh installation compile, the kernels."""
+    began = time.perf_counter()
+    small = instances.geometric(60, "wide", np.random.default_rng(0))
+    for planner in ("facility", "greedy", "dual_ascent"):
+        plan(small, planner)
+    return time.perf_counter() - began
+
+
+def measure(n: int, kind: str, order: str, seed: int, planner: str, time_limit_s: float, gap: float) -> report.Row:
+    """Plan one instance and have its certificate checked."""
+    problem = instances.geometric(n, kind, np.random.default_rng(seed), order)  # type: ignore[arg-type]
+    made = plan(problem, planner, time_limit_s=time_limit_s, gap=gap)
+    return _row(problem, made, kind, seed)
+
+
+def _row(problem: Problem, made: Plan, kind: str, seed: int) -> report.Row:
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1e9 if sys.platform == "darwin" else 1e6)
+    return {
+        "n": problem.n,
+        "kind": kind,
+        "order": problem.order,
+        "seed": seed,
+        "planner": made.planner,
+        "seconds": round(made.seconds, 3),
+        "status": made.status,
+        "objective": made.objective,
+        "gap_percent": round(100.0 * made.gap, 5),
+        "certified_gap_percent": round(100.0 * check(problem, made).gap, 5) if made.certificate else None,
+        "lessons": int((made.decision == 2).sum()),
+        "peak_gb": round(peak, 2),
+    }
+
+
+def all_pairs(problem: Problem) -> Pairs:
+    """The plain strong form: every lesson in time for a task is a pair, useful or not."""
+    cost = lesson_costs(problem).T
+    row, column = np.nonzero(np.isfinite(cost))
+    start = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=problem.n))])
+    values: Array = cost[row, column]
+    return Pairs(problem.c_demo, problem.outside, start, column.astype(np.int32), values)
+
+
+def compare(n: int, kind: str, seed: int, time_limit_s: float) -> list[report.Row]:
+    """The planner, then the plain strong form given to HiGHS as arrays, on one instance; rows with the ratio."""
+    import highspy
+
+    from p2l.team.core import strong_form
+
+    problem = instances.geometric(n, kind, np.random.default_rng(seed))
+    made = plan(problem, "facility")
+    began = time.perf_counter()
+    highs = highspy.Highs()
+    for name, value in {"output_flag": False, "threads": 1, "mip_rel_gap": 0.0, "time_limit": time_limit_s}.items():
+        highs.setOptionValue(name, value)
+    lp, scale = strong_form(all_pairs(problem))
+    lp.integrality_ = [highspy.HighsVarType.kInteger] * n + [highspy.HighsVarType.kContinuous] * (lp.num_col_ - n)
+    highs.passModel(lp)
+    highs.run()
+    seconds = time.perf_counter() - began
+    finished = highs.getModelStatus() == highspy.HighsModelStatus.kOptimal
+    plain: dict[str, object] = {"n": n, "kind": kind, "order": "fixed", "seed": seed, "planner": "plain strong form"}
+    plain |= {"seconds": round(seconds, 3), "status": "optimal" if finished else "time_limit"}
+    plain |= {"objective": highs.getInfo().objective_function_value / scale}
+    plain |= {"times_slower": round(seconds / made.seconds, 1)}
+    return [_row(problem, made, kind, seed), plain]
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Command line."""
+    parser = report.parser(__doc__)
+    parser.add_argument("--sizes", type=int, nargs="*", default=[20, 200, 300, 1000, 2000])
+    parser.add_argument("--kinds", nargs="+", choices=sorted(instances.REACH), default=["wide", "local"])
+    parser.add_argument("--orders", nargs="+", choices=_ORDERS, default=list(_ORDERS))
+    parser.add_argument("--seeds", type=int, nargs="+", default=[0, 1])
+    parser.add_argument("--planner", default="facility")
+    parser.add_argument("--time-limit", type=float, default=60.0, metavar="S", help="seconds per plan")
+    parser.add_argument("--gap", type=float, default=0.0, help="relative gap at which to stop")
+    parser.add_argument("--compare", type=int, nargs="*", default=[1000], metavar="N", help="sizes of the comparison")
+    given = parser.parse_args(arguments)
+    print(f"loading and compiling: {warm_up():.1f} s (compiled once per installation, then cached)")
+    rows = [
+        measure(n, kind, order, seed, given.planner, given.time_limit, given.gap)
+        for n in given.sizes
+        for kind in given.kinds
+        for order in given.orders
+        for seed in given.seeds
+    ]
+    for n in given.compare:
+        for kind in given.kinds:
+            rows += compare(n, kind, given.seeds[0], 10.0 * given.time_limit)
+    report.finish(rows, given.json)
+
+
+if __name__ == "__main__":
+    main()
