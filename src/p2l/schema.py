@@ -7,6 +7,7 @@ into plain data, `validate` turns plain data into a frozen model.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping
 from difflib import get_close_matches
 from pathlib import Path
@@ -43,7 +44,7 @@ def _known_domains(names: tuple[str, ...]) -> tuple[str, ...]:
 class Section(BaseModel):
     """Part of a configuration: frozen, no unknown keys, no NaN or infinity, no number written as text."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
 
 class TrackingConfig(Section):
@@ -286,7 +287,7 @@ def validate(data: Mapping[str, Any], model: type[ModelT], where: str) -> ModelT
         ConfigError: one line for each wrong key: what was given and what is allowed.
     """
     try:
-        return model.model_validate(data)
+        return model.model_validate_json(json.dumps(data))  # strict, and yet a list is a tuple and a text a path
     except ValidationError as error:
         lines = [_line(dict(problem), model) for problem in error.errors(include_url=False, include_context=True)]
     raise ConfigError("\n  ".join([f"{where} refused:", *lines]))

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import os
+import re
 import sqlite3
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import TYPE_CHECKING
-from urllib.parse import urlsplit
 
 from filelock import FileLock, Timeout
 
@@ -28,11 +28,7 @@ _WAY_OUT = "Set MLFLOW_TRACKING_URI (or tracking.uri) to a store that works, or 
 
 def safe_uri(uri: str) -> str:
     """`uri` without a password."""
-    parts = urlsplit(uri)
-    if parts.password is None:
-        return uri
-    host = parts.netloc.rpartition("@")[2]
-    return parts._replace(netloc=f"{parts.username}:***@{host}").geturl()
+    return re.sub(r"(://[^:/@]*):[^@/]*@", r"\1:***@", uri)
 
 
 def connect(root: Path, uri: str | None = None) -> tuple[str, MlflowClient]:
@@ -49,7 +45,7 @@ def connect(root: Path, uri: str | None = None) -> tuple[str, MlflowClient]:
         TrackingError: the store cannot be reached, or cannot be written.
     """
     store = uri or os.environ.get("MLFLOW_TRACKING_URI") or f"sqlite:///{root.resolve() / 'mlflow.db'}"
-    if not urlsplit(store).scheme.startswith(("http", "sqlite", "postgresql", "mysql", "mssql", "databricks")):
+    if not store.startswith(("http:", "https:", "sqlite:", "postgresql", "mysql", "mssql", "databricks")):
         raise TrackingError(
             f"MLflow store '{safe_uri(store)}': given neither a database nor a server; "
             f"allowed are sqlite:///<path>, http(s)://<host>, postgresql://… and mysql://…. {_WAY_OUT}"

@@ -1,0 +1,73 @@
+"""The stage `config`: what it writes is what the stages accept, and nothing is written unless all of it is right."""
+
+import re
+import shutil
+from pathlib import Path
+
+import pytest
+import yaml
+from hydra import compose, initialize_config_dir
+
+from p2l.errors import ConfigError
+from p2l.schema import SCHEMAS, ConfigStageConfig, resolve, validate
+from p2l.tracking import Tracker
+from stages import config
+
+ROOT = Path(__file__).resolve().parents[2]
+PRESETS = sorted(path.stem for path in (ROOT / "conf" / "experiment").glob("*.yaml"))
+DOMAINS = sorted(path.stem for path in (ROOT / "conf" / "domain").glob("*.yaml"))
+
+
+def configure(out, *words):
+    """Run the stage in this process."""
+    with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
+        cfg = validate(resolve(compose("config", [*words])), ConfigStageConfig, "conf/config.yaml")
+        config.run.__wrapped__(cfg, out, Tracker())
+
+
+@pytest.fixture(scope="module")
+def written(tmp_path_factory):
+    """What the stage writes as the repository stands."""
+    out = tmp_path_factory.mktemp("config")
+    configure(out)
+    return out
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_every_preset_configures_every_stage_of_every_domain(tmp_path, preset):
+    configure(tmp_path, f"preset={preset}", f"domains=[{','.join(DOMAINS)}]")
+    items = {path.relative_to(tmp_path).as_posix() for path in tmp_path.glob("*/*.yaml")}
+    stages = ("collect", "fit_transfer", "plan", "evaluate_team")
+    assert items == {f"{domain}/{stage}.yaml" for domain in DOMAINS for stage in stages} | {"report/report.yaml"}
+    for path in tmp_path.glob("*/*.yaml"):
+        content = yaml.safe_load(path.read_text())
+        assert "${" not in path.read_text()
+        assert str(ROOT) not in path.read_text()
+        assert validate(content, SCHEMAS[path.stem], path.name).model_dump(mode="json") == content
+
+
+def test_overrides_reach_their_stage_and_removed_items_go(tmp_path, written):
+    shutil.copytree(written, tmp_path, dirs_exist_ok=True)
+    configure(tmp_path, "domains=[lego]", "+overrides.plan=['gap=0.25']", "seed=7")
+    assert sorted(path.name for path in tmp_path.iterdir() if path.is_dir()) == ["lego", "report"]
+    plan = yaml.safe_load((tmp_path / "lego" / "plan.yaml").read_text())
+    assert (plan["gap"], plan["seed"]) == (0.25, 7)
+
+
+@pytest.mark.parametrize(
+    ("word", "part"),
+    [
+        ("preset=slow", "allowed: quick, smoke, thesis"),
+        ("domains=[door]", "door"),
+        ("domains=[]", "at least one domain"),
+        ("domains=[lego,lego]", "none twice"),
+        ("+overrides.plan=['gap=-1']", "gap: given '-1'"),
+        ("+overrides.plan=['gep=1']", "gep"),
+        ("+overrides.bake=['gap=1']", "bake"),
+    ],
+)
+def test_a_mistake_leaves_the_old_files_alone(written, word, part):
+    before = {path: path.read_text() for path in written.glob("*/*.yaml")}
+    with pytest.raises(ConfigError, match=re.escape(part)):
+        configure(written, word)
+    assert {path: path.read_text() for path in written.glob("*/*.yaml")} == before

@@ -1,0 +1,150 @@
+"""The command line of every stage: one message and exit code 2 for a mistake, nothing left behind, lean imports."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from mlflow import MlflowClient
+
+from stages import collect
+
+ROOT = Path(__file__).resolve().parents[2]
+STAGES = sorted(path.stem for path in (ROOT / "stages").glob("[a-z]*.py"))
+SMALL = ("domain=lego", "experiment=smoke")
+
+
+def run(*words, store="sqlite:////nowhere/runs.db", **environment):
+    """Run `python -m stages.<words>` in the repository."""
+    known = {**os.environ, "MLFLOW_TRACKING_URI": store, **environment}
+    command = [sys.executable, "-m", f"stages.{words[0]}", *words[1:]]
+    return subprocess.run(command, cwd=ROOT, env=known, capture_output=True, text=True, timeout=300)
+
+
+@pytest.mark.parametrize("name", STAGES)
+def test_help_says_what_the_stage_does_and_how_to_call_it(name):
+    done = run(name, "--help")
+    assert done.returncode == 0, done.stderr
+    for part in (f"{name}: ", f"python -m stages.{name}", "hydra/launcher=joblib", "seed: 0"):
+        assert part in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "parts"),
+    [
+        (("seed=-3", "draws=0"), ("seed: given '-3'", "draws: given '0'")),
+        (("draws=.nan",), ("draws: given", "valid integer")),
+        (("n_taught=40", "n_tasks=30"), ("n_taught = 40 exceeds n_tasks = 30",)),
+        (("drawss=4",), ("drawss", "--help")),
+        (("+drawss=4",), ("drawss: unknown key", "did you mean 'draws'")),
+        (("domain=door",), ("domain/door", "insertion")),
+        (("domain.name=door", "n_tasks=9", "n_taught=9", "draws=9"), ("domain.name: given 'door'", "lego")),
+        (("domain.name=door",), ("experiment.door.n_tasks",)),
+        (("domain.params.taps=3", "-m"), ("taps",)),
+        (("+domain.params.taps=3",), ("taps", "max_taps")),
+        (("seed=[1",), ("[1",)),
+        (("-cp", "data/nowhere"), ("data/nowhere",)),
+        (("--sideways",), ("--sideways",)),
+        ((), ("no such folder /nowhere", "tracking.enabled=false")),
+    ],
+)
+def test_a_mistake_is_one_message_and_leaves_nothing(tmp_path, monkeypatch, capsys, words, parts):
+    out = tmp_path / "out"
+    tracking = () if not words else ("tracking=disabled",)
+    places = (f"hydra.run.dir={out}", f"hydra.sweep.dir={tmp_path / 'sweep'}")
+    monkeypatch.setattr(sys, "argv", ["collect", *SMALL, *tracking, *places, *words])
+    monkeypatch.setenv("HYDRA_FULL_ERROR", "1")
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", "sqlite:////nowhere/runs.db")
+    with pytest.raises(SystemExit) as left:
+        collect.run()
+    message = capsys.readouterr().err
+    assert left.value.code == 2
+    assert "Traceback" not in message
+    for part in parts:
+        assert part in message
+    assert not out.exists()
+
+
+def test_a_bug_keeps_its_traceback_and_is_not_taken_for_bad_input(tmp_path):
+    """Exit code 1 tells a bug from a mistake of the user's."""
+    (tmp_path / "broken.py").write_text(
+        "from p2l.schema import CollectConfig\nfrom stages._stage import stage\n\n\n"
+        "@stage('collect', CollectConfig)\ndef run(cfg, out, track):\n    raise RuntimeError('bug')\n\n\nrun()\n"
+    )
+    command = [
+        sys.executable,
+        str(tmp_path / "broken.py"),
+        *SMALL,
+        "tracking=disabled",
+        f"hydra.run.dir={tmp_path / 'o'}",
+    ]
+    known = {**os.environ, "PYTHONPATH": str(ROOT)}
+    done = subprocess.run(command, cwd=tmp_path, env=known, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 1
+    assert "RuntimeError: bug" in done.stderr
+
+
+@pytest.mark.parametrize("launcher", ["basic", "joblib"])
+def test_a_failing_job_of_a_sweep_leaves_its_siblings_alone(tmp_path, launcher):
+    store = f"sqlite:///{tmp_path / 'runs.db'}"
+    words = (*SMALL, "-m", "n_taught=99,5,6", f"hydra/launcher={launcher}", f"hydra.sweep.dir={tmp_path / 'sweep'}")
+    done = run("collect", *words, store=store)
+    assert done.returncode == 2, done.stderr
+    assert "n_taught=99" in done.stderr
+    assert "Traceback" not in done.stderr
+    made = sorted(path.relative_to(tmp_path).as_posix() for path in tmp_path.glob("sweep/*/transfer_data.npz"))
+    assert made == ["sweep/1/transfer_data.npz", "sweep/2/transfer_data.npz"]
+    assert not (tmp_path / "sweep" / "0").exists()
+    client = MlflowClient(tracking_uri=store)
+    runs = client.search_runs([each.experiment_id for each in client.search_experiments() if each.name == "collect"])
+    [parent] = [each for each in runs if each.data.tags.get("kind") == "sweep"]
+    children = [each for each in runs if each is not parent]
+    assert {each.data.tags["mlflow.parentRunId"] for each in children} == {parent.info.run_id}
+    assert {each.data.params["n_taught"] for each in children} == {"5", "6"}
+    assert (parent.info.status, {each.info.status for each in children}) == ("FAILED", {"FINISHED"})
+
+
+def test_a_run_says_how_to_repeat_it_and_repeats(tmp_path):
+    store, out = f"sqlite:///{tmp_path / 'runs.db'}", tmp_path / "out"
+    first = run("collect", *SMALL, "seed=3", "draws=3", f"hydra.run.dir={out}", store=store)
+    assert first.returncode == 0, first.stderr
+    made = (out / "transfer_data.npz").read_bytes()
+    client = MlflowClient(tracking_uri=store)
+    [done] = client.search_runs([client.get_experiment_by_name("collect").experiment_id])
+    python, *words = done.data.tags["command"].split()
+    (out / "transfer_data.npz").unlink()
+    again = [sys.executable, *words]
+    subprocess.run(again, cwd=ROOT, env={**os.environ, "MLFLOW_TRACKING_URI": store}, check=True, timeout=300)
+    assert python == "python"
+    assert (out / "transfer_data.npz").read_bytes() == made
+
+
+HEAVY = {
+    "torch",
+    "mujoco",
+    "robosuite",
+    "stable_baselines3",
+    "sklearn",
+    "pyomo",
+    "highspy",
+    "mlflow",
+    "matplotlib",
+    "numba",
+}
+NEEDS = {
+    "collect": {"mujoco"},
+    "config": set(),
+    "fit_transfer": {"torch", "matplotlib"},
+    "plan": set(),
+    "evaluate_team": {"mujoco"},
+    "report": {"matplotlib"},
+}
+
+
+@pytest.mark.parametrize("name", STAGES)
+def test_a_stage_imports_only_what_it_needs(name):
+    code = f"import sys, stages.{name}; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    assert HEAVY & set(done.stdout.split()) <= NEEDS[name]

@@ -1,0 +1,184 @@
+"""Runs in a real sqlite store: what is sent arrives, a killed run is continued, concurrent first users do not crash."""
+
+import json
+import multiprocessing
+import os
+import signal
+
+import pytest
+from mlflow import MlflowClient
+
+from p2l.errors import InputError
+from p2l.tracking import RUN_FILE, RunCard, open_sweep, start
+from p2l.tracking.runs import flatten
+
+
+def card(**changes):
+    fields = {
+        "stage": "collect",
+        "world": "lego",
+        "method": "algorithm1",
+        "seed": 3,
+        "config": {"draws": 4, "domain": {"name": "lego"}, "levels": [0, 2]},
+        "config_hash": "abc",
+        "command": "python -m stages.collect domain=lego seed=3",
+    }
+    return RunCard(**{**fields, **changes})
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory):
+    return f"sqlite:///{tmp_path_factory.mktemp('store') / 'runs.db'}"
+
+
+@pytest.fixture
+def client(store):
+    return MlflowClient(tracking_uri=store)
+
+
+def test_a_finished_run_says_everything(store, client, tmp_path):
+    (tmp_path / "figure.png").write_bytes(b"png")
+    with start(card(), tmp_path, tmp_path, uri=store) as track:
+        for step in range(1500):  # more than one batch
+            track.metrics({"loss": 1 / (step + 1)}, step=step)
+        track.metrics({"success": 0.75, "ratio": float("nan"), "bound": float("inf")})
+        track.artifact(tmp_path / "figure.png", "figures")
+        track.note("Skills need the walls.")
+    run = client.get_run(track.run_id)
+    assert run.info.status == "FINISHED"
+    assert run.info.run_name == "lego-algorithm1-s3"
+    assert client.get_experiment(run.info.experiment_id).name == "collect"
+    assert run.data.metrics == {"loss": pytest.approx(1 / 1500), "success": 0.75}
+    assert len(client.get_metric_history(track.run_id, "loss")) == 1500
+    assert run.data.params == {"draws": "4", "domain.name": "lego", "levels": "[0, 2]"}
+    tags = run.data.tags
+    assert {tags[name] for name in ("stage", "world", "method", "seed", "config_hash")} == {
+        "collect", "lego", "algorithm1", "3", "abc"
+    }  # fmt: skip
+    assert tags["not_finite"] == "bound, ratio"
+    for part in ("python -m stages.collect domain=lego seed=3", "| success | 0.75 |", "Skills need the walls."):
+        assert part in tags["mlflow.note.content"]
+    assert [entry.path for entry in client.list_artifacts(track.run_id)] == ["config.yaml", "figures"]
+
+
+def test_the_repository_is_named(store, client, tmp_path):
+    root = next(parent for parent in __import__("pathlib").Path(__file__).parents if (parent / ".git").exists())
+    with start(card(), tmp_path, root, uri=store) as track:
+        pass
+    tags = client.get_run(track.run_id).data.tags
+    assert len(tags["git_commit"]) == 40
+    assert tags["git_dirty"] in ("true", "false")
+
+
+@pytest.mark.parametrize(("error", "status"), [(InputError, "FAILED"), (KeyboardInterrupt, "KILLED")])
+def test_an_error_ends_the_run_and_goes_on(store, client, tmp_path, error, status):
+    tracks = []
+
+    def fail():
+        with start(card(), tmp_path, tmp_path, uri=store) as track:
+            tracks.append(track)
+            track.metrics({"done": 0.5})
+            raise error("row 3 is bad")
+
+    with pytest.raises(error, match="row 3"):
+        fail()
+    run = client.get_run(tracks[0].run_id)
+    assert (run.info.status, run.data.metrics) == (status, {"done": 0.5})
+    assert "row 3 is bad" in run.data.tags["mlflow.note.content"]
+
+
+def run_and_die(store, out):
+    with start(card(), out, out, uri=store):
+        os.kill(os.getpid(), signal.SIGKILL)
+
+
+def test_a_killed_run_is_continued_under_its_id(store, client, tmp_path):
+    process = multiprocessing.get_context("spawn").Process(target=run_and_die, args=(store, tmp_path))
+    process.start()
+    process.join()
+    assert process.exitcode == -signal.SIGKILL
+    killed = json.loads((tmp_path / RUN_FILE).read_text())["run_id"]
+    assert client.get_run(killed).info.status == "RUNNING"
+    with start(card(), tmp_path, tmp_path, uri=store) as track:
+        assert track.run_id == killed
+    assert client.get_run(killed).info.status == "FINISHED"
+
+
+def test_another_configuration_or_a_finished_run_is_not_continued(store, tmp_path):
+    with start(card(), tmp_path, tmp_path, uri=store) as first:
+        pass
+    with start(card(), tmp_path, tmp_path, uri=store) as second:
+        assert second.run_id != first.run_id
+        with start(card(config_hash="other"), tmp_path, tmp_path, uri=store) as third:
+            assert third.run_id != second.run_id
+
+
+@pytest.mark.parametrize("content", ["", "{", "[]", '{"run_id": "none", "config_hash": "abc", "store": "x"}'])
+def test_a_damaged_run_file_starts_a_new_run(store, tmp_path, content):
+    (tmp_path / RUN_FILE).write_text(content)
+    with start(card(), tmp_path, tmp_path, uri=store) as track:
+        assert track.run_id
+
+
+def test_jobs_are_children_of_their_sweep(store, client, tmp_path, monkeypatch):
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", store)
+    parent, close = open_sweep("collect", "sweep", "python -m stages.collect -m seed=0,1", tmp_path)
+    with start(card(parent=parent), tmp_path, tmp_path) as track:
+        pass
+    close("FINISHED")
+    assert client.get_run(track.run_id).data.tags["mlflow.parentRunId"] == parent
+    assert client.get_run(parent).info.status == "FINISHED"
+    assert "seed=0,1" in client.get_run(parent).data.tags["mlflow.note.content"]
+
+
+def touch(store, out, start_line):
+    start_line.wait()
+    with start(card(stage="fresh"), out, out, uri=store) as track:
+        track.metrics({"x": 1.0})
+
+
+def test_processes_that_touch_a_fresh_store_together_all_succeed(tmp_path):
+    store = f"sqlite:///{tmp_path / 'fresh.db'}"
+    context = multiprocessing.get_context("spawn")
+    start_line = context.Barrier(3)
+    folders = [tmp_path / str(index) for index in range(3)]
+    jobs = [context.Process(target=touch, args=(store, folder, start_line)) for folder in folders]
+    for job in jobs:
+        job.start()
+    for job in jobs:
+        job.join()
+    assert [job.exitcode for job in jobs] == [0, 0, 0]
+    client = MlflowClient(tracking_uri=store)
+    [found] = [each for each in client.search_experiments() if each.name == "fresh"]
+    assert [run.data.metrics for run in client.search_runs([found.experiment_id])] == [{"x": 1.0}] * 3
+
+
+def test_a_store_that_breaks_during_the_run_does_not_take_the_work_with_it(store, tmp_path, caplog, monkeypatch):
+    with start(card(), tmp_path, tmp_path, uri=store) as track:
+        track.metrics({"x": 1.0})
+        with monkeypatch.context() as broken:
+            broken.setattr(MlflowClient, "log_batch", lambda *_, **__: 1 / 0)
+            track.flush()
+        assert "did not take metrics" in caplog.text
+    assert MlflowClient(tracking_uri=store).get_run(track.run_id).data.metrics == {"x": 1.0}
+
+
+def test_nothing_is_written_when_tracking_is_off(tmp_path):
+    with start(card(), tmp_path, tmp_path, enabled=False, uri="http://127.0.0.1:9") as track:
+        track.metrics({"x": float("nan")})
+        track.artifact("nowhere.png")
+        track.note("text")
+        track.flush()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_params_fit_the_limits_of_mlflow(store, client, tmp_path):
+    config = {"long": "x" * 10_000, "k" * 300: 1, "k" * 299 + "z": 2, "empty": {}, "none": None, "text": "1"}
+    flat = flatten(config)
+    assert len(flat) == 6
+    assert max(map(len, flat)) <= 250
+    assert max(map(len, flat.values())) <= 6000
+    config |= {f"p{index}": index for index in range(150)}  # more than one batch
+    with start(card(config=config), tmp_path, tmp_path, uri=store) as track:
+        pass
+    assert client.get_run(track.run_id).data.params == flatten(config)
