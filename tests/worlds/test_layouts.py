@@ -4,7 +4,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from p2l.errors import ConfigError
-from p2l.worlds.insertion import WALLS_PER_SCENE, Physics, build_model, wall_distances_cm
+from p2l.worlds.insertion import WALLS_PER_SCENE, Physics, build_model, task_features, wall_distances_cm
 from p2l.worlds.layouts import (
     CELL,
     WALLS_OF_ENVIRONMENT,
@@ -23,14 +23,20 @@ def test_distances_by_hand():
     """A wall 2 cm to the left and one 1.5 cm below; the wall above is beside the part's strip and does not count."""
     walls = np.array([[-0.025, 0.0, 0.005, 0.03], [0.0, -0.02, 0.03, 0.005], [0.03, 0.02, 0.02, 0.005]])
     np.testing.assert_allclose(wall_distances_cm(walls), [2.0, 4.0, 1.5, 4.0])
+    np.testing.assert_allclose(task_features(walls), [2.0, 4.0, 1.5, 4.0, 0.0, -1.5])
+
+
+def test_equally_near_walls_share_the_offset():
+    corner = np.array([[-0.016, 0.0, 0.005, 0.03], [0.0, 0.016, 0.03, 0.005]])
+    np.testing.assert_allclose(task_features(corner), [1.1, 4.0, 4.0, 1.1, -1.1, 1.1])
 
 
 @given(seed=st.integers(0, 1000))
 @settings(max_examples=25, deadline=None)
 def test_every_grid_slot_is_next_to_a_wall_and_clear_of_all(seed):
     tasks = sample_grid_tasks(np.random.default_rng(seed), 6, layout_seed=seed % 7, farthest_wall_cm=2.0)
-    assert (tasks.features.min(1) <= 2.0 + 1e-9).all()
-    assert (tasks.features.min(1) >= 1.1 - 1e-9).all()
+    assert (tasks.features[:, :4].min(1) <= 2.0 + 1e-9).all()
+    assert (tasks.features[:, :4].min(1) >= 1.1 - 1e-9).all()
     for walls, count in zip(tasks.payload["walls"], tasks.payload["wall_count"], strict=True):
         gap = np.abs(walls[:count, :2]) - walls[:count, 2:]
         assert (gap.max(1) > 0.006).all(), "a wall covers part of the slot"
@@ -59,11 +65,11 @@ def test_the_board_has_seventeen_holes_on_two_offset_rows():
     walls, holes = board_layout()
     tasks = board_tasks()
     assert tasks.names == tuple(str(number) for number in range(17))
-    nearest = tasks.features.min(1)
+    nearest = tasks.features[:, :4].min(1)
     np.testing.assert_allclose(nearest[::2], 2.1, atol=1e-9)
     np.testing.assert_allclose(nearest[1::2], 0.9, atol=1e-9)
-    assert (tasks.features.argmin(1)[:12] == 2).all()
-    assert (tasks.features.argmin(1)[12:] == 1).all()
+    assert (tasks.features[:, :4].argmin(1)[:12] == 2).all()
+    assert (tasks.features[:, :4].argmin(1)[12:] == 1).all()
     apart = np.linalg.norm(holes[:, None] - holes[None], axis=-1) + np.eye(17)
     assert apart.min() > 0.013, "holes overlap"
     assert walls.shape == (2, 4)
@@ -71,7 +77,7 @@ def test_the_board_has_seventeen_holes_on_two_offset_rows():
 
 def test_board_training_tasks_are_not_the_board():
     tasks = sample_board_tasks(np.random.default_rng(0), 200, (0.007, 0.025))
-    nearest = tasks.features.min(1)
+    nearest = tasks.features[:, :4].min(1)
     assert nearest.min() >= 0.7
     assert nearest.max() <= 2.5
     assert len(np.unique(nearest)) == 200

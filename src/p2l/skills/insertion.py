@@ -30,6 +30,7 @@ from p2l.skills.waypoints import WAYPOINT_SIZE, WaypointTiming, execute
 from p2l.worlds.domain import Encoding, Progress, Tasks
 from p2l.worlds.insertion import (
     DIRECTIONS,
+    DISTANCE_NAMES,
     FEATURE_NAMES,
     PART_HALF_WIDTH,
     POSITION_SENSOR,
@@ -106,7 +107,7 @@ class InsertionDomain:
 
     @property
     def feature_names(self) -> tuple[str, ...]:
-        """Distances to the next wall in four directions."""
+        """Distances to the next wall in four directions, and the offset of the nearest one."""
         return FEATURE_NAMES
 
     @property
@@ -129,7 +130,7 @@ class InsertionDomain:
     def demonstrate(self, tasks: Tasks, rng: np.random.Generator) -> Array:
         """[M, P] the waypoints that a person shows on each task: touch, press, come back, search, push."""
         shown = self.demonstration
-        distances = tasks.features / 100.0
+        distances = tasks.features[:, : len(DISTANCE_NAMES)] / 100.0
         nearest = distances + rng.uniform(0.0, 1e-4, distances.shape)
         side = nearest.argmin(1)
         wall = distances[np.arange(len(tasks)), side]

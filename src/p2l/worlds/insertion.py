@@ -2,7 +2,7 @@
 
 A compliant hold moves a part; the arm is dropped, the contacts with board and walls are MuJoCo's. Each scene is
 written in the frame of its slot: origin at the centre of the slot's mouth, z up. A task is a slot and the walls
-around it; its features are the distances to the next wall in four directions.
+around it; its features are the distances to the next wall in four directions, and the offset of the nearest one.
 
 Deviations from the thesis, each where it is silent:
 1. The compliant hold adds inertia (`hold_mass_kg`): it stands for the gripper that the abstraction drops.
@@ -34,7 +34,8 @@ REACH = 0.06
 # Faces farther than this are beyond every skill; the feature saturates there.
 FEATURE_CAP_CM = 4.0
 DIRECTIONS = np.array([[-1.0, 0.0], [1.0, 0.0], [0.0, -1.0], [0.0, 1.0]])
-FEATURE_NAMES = ("wall_left_cm", "wall_right_cm", "wall_bottom_cm", "wall_top_cm")
+DISTANCE_NAMES = ("wall_left_cm", "wall_right_cm", "wall_bottom_cm", "wall_top_cm")
+FEATURE_NAMES = (*DISTANCE_NAMES, "nearest_wall_x_cm", "nearest_wall_y_cm")
 POSITION_SENSOR = "grip_pos"
 
 
@@ -189,3 +190,14 @@ def wall_distances_cm(walls: Array) -> Array:
             if face > 0.0 and abs(across) < half_across + PART_HALF_WIDTH:
                 distances[index] = min(distances[index], 100.0 * face)
     return distances
+
+
+def task_features(walls: Array) -> Array:
+    """[6] what the predictor sees of a task, in the order of `FEATURE_NAMES`.
+
+    The last two are the offset to the nearest face, the wall that a demonstration leans on (the sum of the offsets
+    where several are equally near, since it may lean on any of them).
+    """
+    distances = wall_distances_cm(walls)
+    nearest = distances <= distances.min() + 1e-6
+    return np.concatenate([distances, (nearest * distances) @ DIRECTIONS])

@@ -16,7 +16,7 @@ import numpy as np
 from p2l.errors import ConfigError
 from p2l.records import Array, IntArray
 from p2l.worlds.domain import Tasks
-from p2l.worlds.insertion import DIRECTIONS, REACH, WALLS_PER_SCENE, wall_distances_cm
+from p2l.worlds.insertion import DIRECTIONS, FEATURE_NAMES, REACH, WALLS_PER_SCENE, task_features, wall_distances_cm
 
 CELL = 0.05
 CELLS = 4
@@ -76,9 +76,11 @@ def make_tasks(names: list[str], groups: list[int], scenes: list[Array]) -> Task
         gap = np.linalg.norm(np.maximum(np.abs(walls[:, :2]) - walls[:, 2:], 0.0), axis=1)
         kept = walls[np.argsort(gap, kind="stable")][:WALLS_PER_SCENE]
         padded[row, : len(kept)], counts[row] = kept, len(kept)
-    features = np.array([wall_distances_cm(walls[:count]) for walls, count in zip(padded, counts, strict=True)])
+    features = np.array([task_features(walls[:count]) for walls, count in zip(padded, counts, strict=True)])
     payload = {"walls": padded, "wall_count": counts}
-    return Tasks(tuple(names), features.reshape(len(scenes), 4), np.array(groups, dtype=np.int64), payload)
+    return Tasks(
+        tuple(names), features.reshape(len(scenes), len(FEATURE_NAMES)), np.array(groups, dtype=np.int64), payload
+    )
 
 
 def sample_grid_tasks(rng: np.random.Generator, n: int, layout_seed: int, farthest_wall_cm: float) -> Tasks:
