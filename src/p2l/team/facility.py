@@ -61,15 +61,15 @@ def solve_pairs(pairs: Pairs, *, deadline: float, gap: float = 0.0) -> Answer:
     if not finished and time.perf_counter() < deadline:
         search = branch_and_bound(root.core, root.bound, root.open, root.upper, target, deadline)
         opened, upper, lower, finished = search.open, search.upper, max(lower, search.lower), search.finished
-    elif finished and not gap:
-        lower = upper
-    lower = min(lower, upper)
+    elif finished:
+        lower = target.proven(upper)
     full = np.zeros(pairs.facilities, dtype=bool)
     full[root.core.origin[opened]] = True
-    status: Status = "time_limit" if not finished else "optimal" if lower >= upper * (1.0 - 1e-9) else "feasible"
     blank = np.zeros(pairs.facilities, dtype=np.int8)
     best = max(proofs, key=lambda v: bound_of(pairs, blank, v))
-    return Answer(full, open_cost(pairs, full), lower, status, best)
+    lower = min(upper, max(min(lower, target.proven(upper)), bound_of(pairs, blank, best)))
+    status: Status = "time_limit" if not finished else "optimal" if lower >= upper * (1.0 - 1e-9) else "feasible"
+    return Answer(full, float(open_cost(pairs, full)), lower, status, best)
 
 
 def _unit(pairs: Pairs) -> float:
@@ -124,11 +124,10 @@ def _shrunk(root: Root, columns: Columns, target: Target) -> tuple[Root, Columns
     gap = target.cutoff(root.upper) - root.bound.value
     if gap <= 0.0:
         return root, columns
-    core = shrink(root.core, root.bound, gap, root.open)
+    core, bound = shrink(root.core, root.bound, gap, root.open)
     if len(core.pairs.cost) > 0.7 * len(root.core.pairs.cost):
         return root, columns
     kept = np.isin(root.core.origin, core.origin)
-    bound = root.bound._replace(reduced=root.bound.reduced[kept], share=root.bound.share[kept])
     return Root(core, root.open[kept], root.upper, bound), columns_of(core.pairs)
 
 

@@ -44,12 +44,15 @@ def fix(state: State, bound: Bound, gap: float) -> State:
     return fixed
 
 
-def shrink(core: Core, bound: Bound, gap: float, keep: BoolArray) -> Core:
-    """The core without the facilities and pairs that fixing removes; those in `keep` [F] (the known plan) stay."""
+def shrink(core: Core, bound: Bound, gap: float, keep: BoolArray) -> tuple[Core, Bound]:
+    """The core without the facilities and pairs that fixing removes, and the bound in its indices.
+
+    Facilities marked in `keep` [F] (the known plan) stay, with all their pairs.
+    """
     pairs = core.pairs
     state = fix(core.state, bound, gap)
     stays = (state != CLOSED) | keep
-    detour = np.maximum(bound.reduced, 0.0)[pairs.facility]
+    detour = np.where(state == OPEN, 0.0, np.maximum(bound.reduced, 0.0))[pairs.facility]  # an open one is paid
     detour += np.maximum(pairs.cost - np.repeat(bound.multipliers, np.diff(pairs.start)), 0.0)
     useful = ((detour <= gap) | keep[pairs.facility]) & stays[pairs.facility]
     kept = np.flatnonzero(stays)
@@ -62,4 +65,5 @@ def shrink(core: Core, bound: Bound, gap: float, keep: BoolArray) -> Core:
         facility=renamed[pairs.facility[useful]],
         cost=pairs.cost[useful],
     )
-    return Core(smaller, core.origin[kept], np.maximum(state[kept], np.int8(FREE)))
+    seen = bound._replace(reduced=bound.reduced[kept], share=bound.share[kept])
+    return Core(smaller, core.origin[kept], np.maximum(state[kept], np.int8(FREE))), seen
