@@ -26,15 +26,6 @@ from p2l.team.reduction import lesson_costs
 _ORDERS = ("fixed", "any")
 
 
-def warm_up() -> float:
-    """Seconds to load, and on a fresh installation compile, the kernels."""
-    began = time.perf_counter()
-    small = instances.geometric(60, "wide", np.random.default_rng(0))
-    for planner in ("facility", "greedy", "dual_ascent"):
-        plan(small, planner)
-    return time.perf_counter() - began
-
-
 def measure(n: int, kind: str, order: str, seed: int, planner: str, time_limit_s: float, gap: float) -> report.Row:
     """Plan one instance and have its certificate checked."""
     problem = instances.geometric(n, kind, np.random.default_rng(seed), order)  # type: ignore[arg-type]
@@ -106,7 +97,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--gap", type=float, default=0.0, help="relative gap at which to stop")
     parser.add_argument("--compare", type=int, nargs="*", default=[1000], metavar="N", help="sizes of the comparison")
     given = parser.parse_args(arguments)
-    print(f"loading and compiling: {warm_up():.1f} s (compiled once per installation, then cached)")
+    report.load_kernels()
     rows = [
         measure(n, kind, order, seed, given.planner, given.time_limit, given.gap)
         for n in given.sizes

@@ -6,6 +6,7 @@ import argparse
 import json
 import platform
 import sys
+import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
@@ -19,6 +20,15 @@ def parser(doc: str | None) -> argparse.ArgumentParser:
     made = argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
     made.add_argument("--json", type=Path, metavar="FILE", help="also write the rows to FILE")
     return made
+
+
+def load_kernels() -> None:
+    """Load the compiled kernels and say how long that took."""
+    from p2l.team import facility
+
+    began = time.perf_counter()
+    facility.load_kernels()
+    print(f"loading: {time.perf_counter() - began:.1f} s (about 15 s once per installation, to compile)")
 
 
 def finish(rows: Sequence[Row], target: Path | None) -> None:

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import csv
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -82,9 +81,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--time-limit", type=float, default=60.0, metavar="S", help="seconds per instance")
     parser.add_argument("--seed", type=int, default=0)
     given: argparse.Namespace = parser.parse_args(arguments)
-    began = time.perf_counter()
-    solve_facility_location(np.ones(2), np.array([[0.0, 3.0], [3.0, 0.0], [1.0, 1.0]]))
-    print(f"loading and compiling: {time.perf_counter() - began:.1f} s (once per installation, then cached)")
+    report.load_kernels()
     source = families(np.random.default_rng(given.seed)) if given.families else files(given.instances)
     report.finish(measure(source, given.time_limit), given.json)
 

@@ -18,7 +18,7 @@ from p2l.errors import ConfigError
 from p2l.team.certificate import lagrangian_bound
 from p2l.team.outcome import objective, work_order
 from p2l.team.problem import Certificate, Decision, Plan, Problem, relative_gap
-from p2l.team.routes import PLANNERS, Answer, Limits
+from p2l.team.routes import PLANNERS, Answer, Limits, prepare
 
 PROVEN = 1e-9  # relative gap at which cost and bound are the same number
 TRUSTED = 1e-6  # relative gap up to which a solver that says "optimal" is believed: its feasibility tolerance
@@ -45,6 +45,7 @@ def plan(
         raise ConfigError(f"time_limit_s: {time_limit_s} given; it must be above 0")
     if not 0.0 <= gap < 1.0:
         raise ConfigError(f"gap: {gap} given; it is relative and must lie in [0, 1)")
+    prepare(planner, problem)
     began = time.perf_counter()
     answer = route(problem, Limits(began + time_limit_s, gap), **options)
     return _written(problem, planner, answer, began)

@@ -132,7 +132,7 @@ class Plan:
         objective: their sum.
         lower_bound: proven: no plan of this problem costs less.
         gap: (objective - lower_bound) / objective, 0 when the objective is 0.
-        seconds: wall time of the planner.
+        seconds: wall time of the planner, without loading (and on a fresh installation compiling) its kernels.
         certificate: multipliers that prove `certificate.bound`, where the route has them.
     """
 
@@ -172,7 +172,7 @@ class FacilitySolution:
         cost: opening plus service cost, recomputed from the input.
         lower_bound: proven.
         status: as in `Plan`.
-        seconds: wall time.
+        seconds: wall time, without loading the kernels.
         certificate: multipliers that prove `certificate.bound`.
     """
 

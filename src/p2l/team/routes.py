@@ -53,6 +53,14 @@ class Answer:
     sequence: IntArray | None = None
 
 
+def prepare(planner: str, problem: Problem) -> None:
+    """Load the compiled kernels if the planner uses them, so that its time limit and its seconds are for planning."""
+    if planner in ("facility", "greedy", "dual_ascent") or (planner == "auto" and problem.n > SMALL):
+        from p2l.team.facility import load_kernels
+
+        load_kernels()
+
+
 def _best_plan(problem: Problem, taught: BoolArray | None) -> IntArray:
     """The plan of these lessons, or the plan without lessons where that one is cheaper or there are none."""
     without = decide(problem, np.zeros(problem.n, dtype=bool))
