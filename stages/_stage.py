@@ -116,11 +116,12 @@ def _job(name: str, schema: type[ConfigT], function: StageFunction[ConfigT], com
     sweep = settings.mode == RunMode.MULTIRUN
     title = f"stage {name} [{' '.join(settings.overrides.task)}]" if sweep else f"stage {name}"
     failed = JobError if sweep else SystemExit  # Hydra lets the jobs after a JobError run, and adds words to it
+    kept = set(out.iterdir())
     _log_to(out)
     try:
         _run(name, schema, function, composed, out)
     except P2LError as error:
-        _clear(out)
+        _clear(out, kept)
         print(f"{title}: {error}", file=sys.stderr)
         raise failed(error.exit_code) from None
     except Exception:
@@ -142,8 +143,8 @@ def _run(name: str, schema: type[ConfigT], function: StageFunction[ConfigT], com
         parent=os.environ.get(PARENT_VARIABLE),
     )
     with start(card, out, ROOT, enabled=cfg.tracking.enabled, uri=cfg.tracking.uri) as track:
-        write_text(out / CONFIG_FILE, OmegaConf.to_yaml(OmegaConf.create(plain)))
         function(cfg, out, track)
+        write_text(out / CONFIG_FILE, OmegaConf.to_yaml(OmegaConf.create(plain)))
 
 
 def _command(name: str) -> str:
@@ -167,10 +168,11 @@ def _log_to(out: Path) -> None:
         logging.getLogger(chatty).setLevel(logging.WARNING)
 
 
-def _clear(out: Path) -> None:
-    """Take away what this module wrote, so that a refused input leaves nothing."""
+def _clear(out: Path, kept: set[Path]) -> None:
+    """Take away what this module wrote, so that a refused input leaves what was there before, or nothing."""
     logging.basicConfig(handlers=[logging.StreamHandler()], force=True)
-    for file in (RUN_FILE, CONFIG_FILE, LOG_FILE):
-        (out / file).unlink(missing_ok=True)
-    if out.is_dir() and not any(out.iterdir()):
+    for file in (out / RUN_FILE, out / LOG_FILE):
+        if file not in kept:
+            file.unlink(missing_ok=True)
+    if not kept and not any(out.iterdir()):
         out.rmdir()

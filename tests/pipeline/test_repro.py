@@ -89,7 +89,7 @@ def test_a_bad_configuration_stops_before_compute_and_deletes_nothing(restored):
 
 
 def test_a_killed_stage_is_completed_by_the_next_run(restored):
-    restored.edit("conf/pipeline.yaml", r"^overrides: .*", 'overrides: {collect: ["draws=400"]}')
+    restored.edit("conf/pipeline.yaml", r"^overrides: .*", 'overrides: {collect: ["draws=60"]}')
     restored.run("dvc", "repro", "config")
     folder = restored.path / "data/collect/lego"
     (folder / "run.json").unlink()

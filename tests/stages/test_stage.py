@@ -66,6 +66,20 @@ def test_a_mistake_is_one_message_and_leaves_nothing(tmp_path, monkeypatch, caps
     assert not out.exists()
 
 
+def test_a_refused_rerun_leaves_the_earlier_run_as_it_was(tmp_path, monkeypatch):
+    out = tmp_path / "out"
+    out.mkdir()
+    for name in ("run.json", "config.yaml", "transfer_data.npz"):
+        (out / name).write_text("earlier")
+    monkeypatch.setenv("HYDRA_FULL_ERROR", "1")
+    monkeypatch.setattr(sys, "argv", ["collect", *SMALL, "tracking=disabled", f"hydra.run.dir={out}", "draws=0"])
+    with pytest.raises(SystemExit):
+        collect.run()
+    assert {path.name: path.read_text() for path in out.iterdir()} == dict.fromkeys(
+        ("run.json", "config.yaml", "transfer_data.npz"), "earlier"
+    )
+
+
 def test_a_bug_keeps_its_traceback_and_is_not_taken_for_bad_input(tmp_path):
     """Exit code 1 tells a bug from a mistake of the user's."""
     (tmp_path / "broken.py").write_text(
