@@ -84,6 +84,15 @@ def test_a_tree_that_shrinks_its_instances_equals_one_that_does_not(kind, seed, 
     assert fast.cost == naive.cost
 
 
+@pytest.mark.parametrize("kind", "abc")
+def test_a_search_out_of_memory_goes_depth_first_and_finds_the_same(kind, monkeypatch):
+    opening, service = dense(90, kind, 3)
+    roomy = solve_facility_location(opening, service)
+    monkeypatch.setattr(branch, "_MEMORY", 0)
+    tight = solve_facility_location(opening, service)
+    assert (tight.status, tight.cost) == ("optimal", roomy.cost)
+
+
 @pytest.mark.parametrize(("size", "kind"), [(64, "a"), (40, "b"), (45, "c")])
 def test_the_tree_equals_highs_where_enumeration_cannot_follow(size, kind):
     opening, service = dense(size, kind, 174)
