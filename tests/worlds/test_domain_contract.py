@@ -8,6 +8,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from p2l.errors import ConfigError, ShapeError
+from p2l.evaluation.strategy_figures import strategy_figure
 from p2l.worlds import registry
 from p2l.worlds.domain import Domain, Tasks
 
@@ -41,6 +42,15 @@ def test_records_and_shapes(collected):
     assert success.dtype == np.bool_
     assert all(0 <= done <= total for done, total in seen)
     assert seen == sorted(seen)
+
+
+def test_a_skill_can_be_looked_at(collected):
+    domain, tasks, skills, *_ = collected
+    views = [domain.view(skills[row], tasks.take([task]), np.random.default_rng(3)) for row, task in ((0, 0), (1, 3))]
+    assert [view.name for view in views] == [tasks.names[0], tasks.names[3]]
+    first = strategy_figure(views, domain.name)
+    assert first[:8] == b"\x89PNG\r\n\x1a\n"
+    assert first == strategy_figure(views, domain.name)
 
 
 def test_equal_generators_give_equal_tasks_and_outcomes(collected):
