@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from p2l.artifacts import save_arrays, save_json
+from p2l.artifacts import atomic, save_arrays, save_json
 from p2l.evaluation.statistics import wilson_interval
+from p2l.evaluation.strategy_figures import strategy_figure
 from p2l.preconditions.collection import collect
 from p2l.records import Array
 from p2l.schema import CollectConfig
@@ -26,6 +27,11 @@ def run(cfg: CollectConfig, out: Path, track: Tracker) -> None:
             domain, n_tasks=cfg.n_tasks, n_taught=cfg.n_taught, draws=cfg.draws, seed=cfg.seed, progress=show
         )
     save_arrays(out / "transfer_data.npz", found.data.arrays(), schema="transfer_data", version=1)
+    with atomic(out / "strategy.png") as temporary:
+        temporary.write_bytes(
+            strategy_figure(found.views, f"{domain.name}: learnt skills on their own tasks, seen from above")
+        )
+    track.artifact(out / "strategy.png")
     rate = found.data.rate
     others = np.ones_like(rate, dtype=bool)
     others[np.arange(len(rate)), found.data.train_task] = False

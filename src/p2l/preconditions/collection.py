@@ -13,7 +13,9 @@ import numpy as np
 
 from p2l.records import Array, TransferData
 from p2l.seeding import generator
-from p2l.worlds.domain import Domain, Progress, Tasks
+from p2l.worlds.domain import Domain, Progress, Tasks, View
+
+VIEWS = 5
 
 
 @runtime_checkable
@@ -35,11 +37,13 @@ class Collection:
         data: every skill on every task.
         own_rate: [K] success of each skill on the task it was learnt on.
         own_rate_without_walls: [K] the same with every wall removed, for domains that have walls.
+        views: what the first few skills do on their own tasks.
     """
 
     data: TransferData
     own_rate: Array
     own_rate_without_walls: Array | None
+    views: list[View]
 
 
 def collect(
@@ -72,4 +76,6 @@ def collect(
         rng = generator(seed, "collect", domain.name, "ablate")
         stripped = domain.without_walls(learnt_on)
         bare = domain.evaluate_own(skills, stripped, draws, rng)
-    return Collection(data=data, own_rate=own, own_rate_without_walls=bare)
+    rng = generator(seed, "collect", domain.name, "view")
+    views = [domain.view(skills[k], learnt_on.take(k), rng) for k in range(min(VIEWS, n_taught))]
+    return Collection(data=data, own_rate=own, own_rate_without_walls=bare, views=views)

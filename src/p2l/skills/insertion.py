@@ -27,7 +27,7 @@ from p2l.records import Array, BoolArray, IntArray
 from p2l.sim.batch import Engine
 from p2l.skills.reps import SearchDistribution, update
 from p2l.skills.waypoints import WAYPOINT_SIZE, WaypointTiming, execute
-from p2l.worlds.domain import Encoding, Progress, Tasks
+from p2l.worlds.domain import Encoding, InsertionView, Progress, Tasks
 from p2l.worlds.insertion import (
     DIRECTIONS,
     DISTANCE_NAMES,
@@ -203,6 +203,25 @@ class InsertionDomain:
         """The same tasks with every wall removed, for showing that skills use walls."""
         payload = {**tasks.payload, "wall_count": np.zeros(len(tasks), dtype=np.int64)}
         return replace(tasks, payload=payload)
+
+    def view(self, skill: Array, task: Tasks, rng: np.random.Generator, draws: int = 12) -> InsertionView:
+        """Paths of the tip in several noise draws."""
+        errors = rng.normal(0.0, self.noise_std, (draws, 2))
+        with Engine([self._model(task, 0)], control_period_s=self.physics.control_period_s, nthread=1) as engine:
+            _, trace = execute(
+                engine,
+                start_states(engine, errors, self.physics),
+                np.tile(skill.reshape(1, WAYPOINTS, WAYPOINT_SIZE), (draws, 1, 1)),
+                np.zeros(draws, dtype=np.int64),
+                self.timing,
+                position_sensor=POSITION_SENSOR,
+                keep_trace=True,
+            )
+        assert trace is not None
+        paths = trace.sensor("tip_pos")
+        walls = task.payload["walls"][0, : task.payload["wall_count"][0]]
+        success = is_inserted(paths[:, -1], self.physics)
+        return InsertionView(task.names[0], walls, self.physics.slot_half_width, paths, success)
 
     def _first_distributions(self, means: Array) -> list[SearchDistribution]:
         std = np.tile([self.reps.displacement_std] * 3 + [self.reps.log_stiffness_std], WAYPOINTS)

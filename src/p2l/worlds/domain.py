@@ -74,6 +74,31 @@ class Tasks:
         )
 
 
+@dataclass(frozen=True)
+class InsertionView:
+    """How a skill inserts: walls [A, 4] and paths of the tip [R, T, 3] in the slot's frame, m; success [R]."""
+
+    name: str
+    walls: Array
+    slot_half_width: float
+    paths: Array
+    success: BoolArray
+
+
+@dataclass(frozen=True)
+class TapView:
+    """How a skill taps: centres of the part's cells [C, 2], their side, taps [T, 2], what one firms up; all cm."""
+
+    name: str
+    cells: Array
+    cell_cm: float
+    taps: Array
+    radius_cm: float
+
+
+View = InsertionView | TapView
+
+
 @runtime_checkable
 class Domain(Protocol):
     """A distribution of tasks, a way to learn a skill for one of them, and a simulation of that skill on others."""
@@ -112,3 +137,6 @@ class Domain(Protocol):
 
         The draws of a task are shared by all skills, so that differences between skills are not noise.
         """
+
+    def view(self, skill: Array, task: Tasks, rng: np.random.Generator) -> View:
+        """What the skill [P] does on one task, for a figure."""

@@ -20,7 +20,7 @@ import numpy as np
 
 from p2l.errors import ConfigError
 from p2l.records import Array, BoolArray, IntArray
-from p2l.worlds.domain import Encoding, Progress, Tasks
+from p2l.worlds.domain import Encoding, Progress, TapView, Tasks
 from p2l.worlds.lego_parts import PARTS, Camera, photograph, rotate
 
 PIXELS = 8  # side of the binarised image among the features
@@ -155,6 +155,14 @@ class Lego:
             taps = rotate(unit * seen["size"] + noise[j], seen["angle"] + slip_angle[j]) + seen["offset"]
             success[:, j] = self.firm(int(tasks.group[j]), taps)
         return success
+
+    def view(self, skill: Array, task: Tasks, rng: np.random.Generator) -> TapView:  # noqa: ARG002 (nothing is drawn)
+        """Taps on the part as the camera saw it."""
+        image, size = task.payload["image"][0], task.payload["size"][0]
+        unit = skill.reshape(-1, 2)
+        cells = (np.argwhere(image) + 0.5) / len(image) - 0.5
+        taps = unit[np.isfinite(unit[:, 0])] * size
+        return TapView(task.names[0], cells * size, float(size.max() / len(image)), taps, self.firm_radius)
 
     def firm(self, part: int, taps: Array) -> BoolArray:
         """Whether taps [..., T, 2] (part frame, cm; NaN rows are absent) lock part number `part`: [...]."""
