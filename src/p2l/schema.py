@@ -242,6 +242,7 @@ class ReportConfig(StageConfig):
     domains: tuple[str, ...]
     overrides: dict[str, tuple[str, ...]] = Field(default_factory=dict)
     data: Path
+    thesis: Path
 
 
 class ConfigStageConfig(StageConfig):

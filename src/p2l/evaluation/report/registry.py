@@ -1,0 +1,21 @@
+"""The sections of the report, in order. A new part of the thesis adds its module's sections here."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from p2l.evaluation.report import chapter3, worlds
+from p2l.evaluation.report.page import Section
+from p2l.evaluation.report.sources import Sources
+
+SECTIONS: tuple[Callable[[Sources], Section], ...] = (
+    chapter3.in_one_picture,
+    worlds.learnt_skills,
+    worlds.predictors,
+    chapter3.figure_3_7,
+    chapter3.table_3_1,
+    chapter3.table_3_2,
+    chapter3.figure_3_10,
+    chapter3.order_any,
+    chapter3.prediction_price,
+)
