@@ -130,3 +130,20 @@ def test_savings_tell_how_many_are_clear_and_which_is_largest():
     assert "the largest is 63 [-17, 143] for lego, " in reading.ours
     price = readings.read_saving(tables.prediction_price(study(), "lego", THESIS), "executed_price", "It costs more")
     assert price.ours.startswith("It costs more in 4 of 4 settings with a 95 % interval above zero (0 below zero)")
+
+
+def scores(**brier):
+    rows = [
+        {"method": method, "pairs": "new_test", "metric": metric, "mean": value, "low": 0.0, "high": 1.0, "n": 9}
+        for method, value in brier.items()
+        for metric in ("brier", "auc")
+    ]
+    return tables.transfer_scores(rows, "lego", THESIS)
+
+
+def test_the_best_predictor_is_named_whoever_it_is():
+    good = readings.read_scores(scores(model=0.1, nearest_neighbour=0.2, constant=0.3), "new_test", "lego")
+    poor = readings.read_scores(scores(model=0.4, nearest_neighbour=0.2, constant=0.3), "new_test", "lego")
+    assert good.ours.endswith("by Brier score is the model.")
+    assert poor.ours.endswith("by Brier score is the nearest neighbour.")
+    assert "too few tasks" in readings.read_scores(scores(model=0.1), "both_new", "lego").ours

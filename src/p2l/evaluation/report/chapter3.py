@@ -36,7 +36,7 @@ def in_one_picture(sources: Sources) -> Section:
         f"Top: ADL's plan for the first insertion set with {level} pre-trained skills. Left: ADL's plan for one order "
         f"of table 3.1. Right: mean executed cost over {day.sets}.",
     )
-    return Section(title, [picture], stage_commands("plan", ("insertion", "board")))
+    return Section(title, [picture], stage_commands("evaluate_team", ("insertion", "board")))
 
 
 def figure_3_7(sources: Sources) -> Section:
@@ -104,7 +104,9 @@ def table_3_1(sources: Sources) -> Section:
         Picture("table_3_1", png(board_plans(plans, titles)), arrows),
     ]
     same = len(told) - len(readings.orders_that_differ(table))
-    return Section(title, parts, stage_commands("plan", ("board",)), {"table_3_1/orders_reproduced": float(same)})
+    return Section(
+        title, parts, stage_commands("evaluate_team", ("board",)), {"table_3_1/orders_reproduced": float(same)}
+    )
 
 
 def table_3_2(sources: Sources) -> Section:

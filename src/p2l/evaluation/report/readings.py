@@ -157,6 +157,8 @@ def read_walls(claim: str, table: pd.DataFrame) -> Reading:
 def read_scores(table: pd.DataFrame, pairs: str, domain: str) -> Reading:
     """The predictor beside the constant and the nearest neighbour."""
     rows = table[table["setting"].str.endswith(f"pairs={pairs}")]
+    if rows.empty:
+        return Reading("", f"{domain}: too few tasks were collected to judge {pairs.replace('_', ' ')} pairs.")
     scores = {key: float(row["mean"].iloc[0]) for key, row in rows.groupby(["method", "metric"])}
     briers = {method: scores[method, "brier"] for method in ("model", "nearest_neighbour", "constant")}
     best = min(briers, key=lambda method: briers[method])

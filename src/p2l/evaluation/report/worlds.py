@@ -90,6 +90,7 @@ def predictors(sources: Sources) -> Section:
         f"transfer_model/{domain}/{metric}": cell["model", f"domain={domain};pairs=new_test", metric]["mean"]
         for domain in sources.domains
         for metric in ("auc", "brier")
+        if ("model", f"domain={domain};pairs=new_test", metric) in cell
     }
     return Section("How well transfer is predicted", parts, stage_commands("fit_transfer", sources.domains), numbers)
 
