@@ -147,12 +147,12 @@ HEAVY = {
     "numba",
 }
 NEEDS = {
-    "collect": {"mujoco"},
+    "collect": {"mujoco", "matplotlib"},
     "config": set(),
     "fit_transfer": {"torch", "matplotlib"},
     "plan": set(),
     "evaluate_team": {"mujoco"},
-    "report": {"matplotlib"},
+    "report": {"matplotlib", "mujoco"},  # the environments are drawn from the worlds themselves
 }
 
 

@@ -12,7 +12,7 @@ from p2l.team import branch, plan, solve_facility_location
 from p2l.team.certificate import check_facility_location, lagrangian_bound
 from p2l.team.core import solve_core
 from p2l.team.dual_ascent import dual_ascent
-from p2l.team.facility import solve_pairs
+from p2l.team.facility import load_kernels, solve_pairs
 from p2l.team.fixing import fix, shrink, whole
 from p2l.team.greedy import greedy, guarantee
 from p2l.team.local_search import columns_of, descend, open_cost
@@ -59,6 +59,7 @@ def test_instances_with_a_large_gap_need_the_tree_and_are_still_exact(seed, inte
     rng = np.random.default_rng(seed)
     service = rng.integers(1000, 2000, (30, 15)) + (0 if integral else rng.random((30, 15)))
     opening = rng.integers(1000, 2000, 15).astype(float)
+    load_kernels()
     solution = solve_facility_location(opening, service.astype(float))
     assert solution.status == "optimal"
     assert solution.cost == pytest.approx(cheapest_by_hand(opening, service))

@@ -1,6 +1,6 @@
 """Exact facility location at scale: dual ascent, local search, volume bound, fixing, Lagrangian branch and bound.
 
-This is the large-scale route of the team planner and the public `solve_facility_location`. Every step works on
+This is the large-scale route of the team planner and of `p2l.team.location`. Every step works on
 `Pairs`; what a plan costs is recomputed from the input at the end.
 """
 
@@ -12,34 +12,19 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from p2l.errors import ConfigError, ShapeError
-from p2l.records import Array, BoolArray, freeze
+from p2l.records import Array, BoolArray
 from p2l.team.branch import Target, branch_and_bound
 from p2l.team.dual_ascent import dual_ascent
 from p2l.team.fixing import Core, shrink, whole
 from p2l.team.greedy import greedy
 from p2l.team.local_search import Columns, columns_of, descend, open_cost
-from p2l.team.pairs import Pairs, of_table, open_for_outside
-from p2l.team.problem import Certificate, FacilitySolution, Status
+from p2l.team.pairs import Answer, Pairs, of_table
+from p2l.team.problem import Status
 from p2l.team.volume import Bound, bound_of, raise_bound
 
 _ROUNDS = 20  # of bound, rounding and fixing at the root, unless progress ends earlier
 _ITERATIONS = 300  # of the volume algorithm per round
 _THRESHOLDS = (0.05, 0.2, 0.4, 0.6, 0.8)  # of the estimated opening, rounded up to an open set
-
-
-@dataclass(frozen=True)
-class Answer:
-    """Best open set [F] and its cost, a proven lower bound, how the search ended, multipliers [D] that nearly prove it.
-
-    `lower_bound` may come from the branch and bound tree; `multipliers` prove the part of it that one L(v) can.
-    """
-
-    open: BoolArray
-    cost: float
-    lower_bound: float
-    status: Status
-    multipliers: Array
 
 
 @dataclass(frozen=True)
@@ -145,46 +130,3 @@ def _shrunk(root: Root, columns: Columns, target: Target) -> tuple[Root, Columns
         return root, columns
     kept = np.isin(root.core.origin, core.origin)
     return Root(core, root.open[kept], root.upper, bound), columns_of(core.pairs)
-
-
-def solve_facility_location(
-    opening_cost: Array, service_cost: Array, *, time_limit_s: float = 60.0, gap: float = 0.0
-) -> FacilitySolution:
-    """Open facilities and assign demands at least total cost (thesis, equation 3.3).
-
-    Args:
-        opening_cost: [F] at least 0.
-        service_cost: [D, F] at least 0, cost of serving a demand (row) from a facility (column).
-        time_limit_s: wall seconds; at the limit the best solution so far is returned with its true bound.
-        gap: relative gap at which the search may stop; 0 proves optimality (to 1e-9 relative).
-
-    Raises:
-        ShapeError: no facility or no demand, a wrong shape, a cost that is NaN, infinite or negative.
-        ConfigError: a time limit of zero or less, or a gap outside [0, 1).
-    """
-    if not time_limit_s > 0.0:
-        raise ConfigError(f"time_limit_s: {time_limit_s} given; it must be above 0")
-    if not 0.0 <= gap < 1.0:
-        raise ConfigError(f"gap: {gap} given; it is relative and must lie in [0, 1)")
-    load_kernels()
-    began = time.perf_counter()
-    sizes: dict[str, int] = {}
-    opening = np.array(freeze("opening_cost", opening_cost, ("F",), sizes, low=0.0))
-    service = np.array(freeze("service_cost", service_cost, ("D", "F"), sizes, low=0.0))
-    if not service.size:
-        raise ShapeError(f"service_cost: has shape {service.shape}; give at least one demand and one facility")
-    pairs = of_table(opening, service)
-    answer = solve_pairs(pairs, deadline=began + time_limit_s, gap=gap)
-    opened = open_for_outside(opening, service, answer.open)
-    assignment = np.flatnonzero(opened)[service[:, opened].argmin(axis=1)]
-    cost = float(opening[opened].sum() + service[np.arange(len(service)), assignment].sum())
-    bound = bound_of(pairs, np.zeros(pairs.facilities, dtype=np.int8), answer.multipliers)
-    return FacilitySolution(
-        open=opened,
-        assignment=assignment,
-        cost=cost,
-        lower_bound=min(cost, answer.lower_bound),
-        status=answer.status,
-        seconds=time.perf_counter() - began,
-        certificate=Certificate(np.minimum(answer.multipliers, pairs.outside), min(bound, cost), cost),
-    )

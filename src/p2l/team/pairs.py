@@ -8,13 +8,14 @@ each row sorted by cost, so that a bound reads only the front of a row.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from p2l.records import Array, BoolArray, IntArray
-from p2l.team.problem import Problem
+from p2l.team.problem import Problem, Status
 
 _BLOCK = 4_000_000  # entries of the dense table that are looked at together
 
@@ -49,6 +50,20 @@ class Pairs(NamedTuple):
     def rows(self) -> IntArray:
         """[Z] demand of each pair."""
         return np.repeat(np.arange(self.demands), np.diff(self.start))
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a solver says of `Pairs`: best open set [F], its cost, a proven bound, how it ended, multipliers [D].
+
+    `lower_bound` may come from the branch and bound tree; `multipliers` prove the part of it that one L(v) can.
+    """
+
+    open: BoolArray
+    cost: float
+    lower_bound: float
+    status: Status
+    multipliers: Array
 
 
 def of_problem(problem: Problem) -> Pairs:

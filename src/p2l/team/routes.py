@@ -7,6 +7,7 @@ function and one line in `PLANNERS`.
 from __future__ import annotations
 
 import math
+import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,7 +19,8 @@ from p2l.team import baselines, oracle
 from p2l.team.outcome import decide, objective
 from p2l.team.problem import Problem, Status
 
-SMALL = 40  # up to so many tasks HiGHS answers in milliseconds, without loading compiled kernels
+SMALL = 40  # up to so many tasks HiGHS answers in milliseconds
+LOADING = 200  # up to so many it answers sooner than the compiled kernels load, where they are not loaded yet
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,7 @@ class Answer:
 
 def prepare(planner: str, problem: Problem) -> None:
     """Load the compiled kernels if the planner uses them, so that its time limit and its seconds are for planning."""
-    if planner in ("facility", "greedy", "dual_ascent") or (planner == "auto" and problem.n > SMALL):
+    if planner in ("facility", "greedy", "dual_ascent") or (planner == "auto" and not _by_highs(problem)):
         from p2l.team.facility import load_kernels
 
         load_kernels()
@@ -123,8 +125,12 @@ def _dual_ascent(problem: Problem, limits: Limits) -> Answer:  # noqa: ARG001
     return Answer(_best_plan(problem, opened), "heuristic", multipliers=multipliers)
 
 
+def _by_highs(problem: Problem) -> bool:
+    return problem.n <= (SMALL if "p2l.team.facility" in sys.modules else LOADING)
+
+
 def _auto(problem: Problem, limits: Limits) -> Answer:
-    return _highs(problem, limits) if problem.n <= SMALL else _facility(problem, limits)
+    return _highs(problem, limits) if _by_highs(problem) else _facility(problem, limits)
 
 
 def _exhaustive(problem: Problem, limits: Limits) -> Answer:  # noqa: ARG001
