@@ -40,4 +40,5 @@ for file in data/*/*/{metrics,summary}.json; do
   cp "$file" "$results/metrics/$(dirname "$item" | tr / -)-$(basename "$file")"
 done
 cp dvc.lock "$results/dvc.lock"
+cp data/report/metrics.json "$results/metrics/report.json"
 echo "results of the thesis preset are in $results"
