@@ -7,9 +7,10 @@ from typing import Any
 
 import pandas as pd
 
-from p2l.artifacts import load_table, save_table
+from p2l.artifacts import config_hash, load_table, save_table
 from p2l.errors import ArtifactError
 from p2l.evaluation.team_metrics import summarise
+from p2l.ledger import code_digest
 from p2l.schema import EvaluateTeamConfig
 from p2l.team.execute import recorded_rows, recorded_truth, true_plans
 from p2l.team.study import make_block
@@ -24,6 +25,8 @@ def run(cfg: EvaluateTeamConfig, out: Path, track: Tracker) -> None:
     """Execute every plan block by block; blocks and methods with a matching record are not run again."""
     domain, study = get_domain(cfg.domain.name, cfg.domain.params), cfg.study.study()
     records = cfg.records or out / "records"
+    # Committed records outlive harmless edits (`TRUTH_VERSION` marks the others); a run's own do not.
+    identity = cfg.identity if cfg.records else config_hash([cfg.identity, code_digest("sim", "worlds", "skills")])
     plans = load_table(cfg.plans, schema="plans", version=1)
     rows: list[dict[str, Any]] = []
     for index in range(study.blocks):
@@ -31,11 +34,11 @@ def run(cfg: EvaluateTeamConfig, out: Path, track: Tracker) -> None:
         if set(plans.loc[plans["block"] == index, "digest"]) != {block.digest}:
             raise ArtifactError(f"{cfg.plans}: made for other tasks; run `python -m stages.plan` again")
         with bar(f"{domain.name} block {index + 1} of {study.blocks}") as show:
-            truth = recorded_truth(domain, study, cfg.seed, block, records, cfg.identity, show)
+            truth = recorded_truth(domain, study, cfg.seed, block, records, identity, show)
         best = true_plans(study, cfg.seed, block, truth, cfg.time_limit_s)
         made = pd.concat([plans[plans["block"] == index], best])
         for _, chosen in made.groupby("method", sort=True):
-            rows += recorded_rows(domain, study, chosen, truth, records)
+            rows += recorded_rows(domain, study, cfg.seed, chosen, truth, records)
         track.metrics({"blocks_done": index + 1}, step=index)
     results = pd.DataFrame(rows)
     save_table(out / "results.parquet", results, schema="team_results", version=1)

@@ -1,4 +1,4 @@
-"""The ledger of finished items: one small committed file per (world, method, seed).
+"""The ledger of finished items: one small committed file per (world, method, seed, block).
 
 A run at thesis scale takes hours and may be cut. Each finished item leaves its rows, the hash of the configuration
 that made them, its seed and its wall time; an item whose record matches its configuration is not run again, on this
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from p2l.artifacts import load_json, save_json
+from p2l.artifacts import config_hash, load_json, save_json
 from p2l.errors import ArtifactError
 
 SCHEMA = "item_record"
@@ -24,19 +24,21 @@ class Item:
     Attributes:
         world: domain or world.
         method: learner, chooser, planner, or `truth` for what they are compared against.
-        seed: the item's own seed or block number.
+        seed: the seed of the experiment.
+        block: which part of it, 0 where there is only one.
         config_hash: hash of all that decides the result.
     """
 
     world: str
     method: str
     seed: int
+    block: int
     config_hash: str
 
     @property
     def file(self) -> str:
         """Name of the record."""
-        return f"{self.world}-{self.method}-s{self.seed}.json"
+        return f"{self.world}-{self.method}-s{self.seed}-b{self.block}.json"
 
 
 def find(folder: Path, item: Item) -> dict[str, Any] | None:
@@ -49,12 +51,19 @@ def find(folder: Path, item: Item) -> dict[str, Any] | None:
     return content if record["config_hash"] == item.config_hash else None
 
 
+def code_digest(*rooms: str) -> str:
+    """Hash of the source files of some rooms of p2l, for items that any change of the code must run again."""
+    files = sorted(file for room in rooms for file in (Path(__file__).parent / room).rglob("*.py"))
+    return config_hash([file.read_text(encoding="utf-8") for file in files])
+
+
 def write(folder: Path, item: Item, content: dict[str, Any], *, seconds: float) -> None:
     """Leave the record of a finished item; `seconds` is its wall time."""
     record = {
         "world": item.world,
         "method": item.method,
         "seed": item.seed,
+        "block": item.block,
         "config_hash": item.config_hash,
         "seconds": round(seconds, 3),
         "content": content,

@@ -145,8 +145,9 @@ class StudyStageConfig(DomainStageConfig):
 
     @property
     def identity(self) -> str:
-        """Hash of what decides the tasks and their truth; plans and their evaluation must agree on it."""
-        return config_hash(self.model_dump(mode="json", include={"domain", "study", "seed"}))
+        """Hash of what decides a block's truth besides its tasks: world, learner and draws, whatever runs them."""
+        world = {key: value for key, value in self.domain.params.items() if key != "nthread"}
+        return config_hash([self.domain.name, world, self.seed, self.study.draws])
 
 
 class CollectConfig(DomainStageConfig):
@@ -209,6 +210,10 @@ class PlanConfig(StudyStageConfig):
         if (self.tasks is None) != (self.transfer is None):
             missing = "transfer" if self.transfer is None else "tasks"
             raise ValueError(f"{missing} is missing; give tasks=<orders.csv> and transfer=<transfer.csv> together")
+        given = {"planner": self.planner != "auto", "order": self.order != "fixed", "gap": self.gap != 0.0}
+        if self.tasks is None and any(given.values()):
+            names = ", ".join(name for name, changed in given.items() if changed)
+            raise ValueError(f"{names}: only for your own tasks (tasks=… transfer=…); a study compares all planners")
         return self
 
     @property

@@ -116,5 +116,14 @@ def test_unknown_settings_are_refused():
         insertion(layout="sphere")
     with pytest.raises(ConfigError, match="rising range"):
         insertion(board_distance_m=[0.02, 0.01])
+    for wrong in (
+        {"noise_std": float("nan")},
+        {"physics": {"friction": "x"}},
+        {"reps": {"updates": -1}},
+        {"nthread": 0},
+    ):
+        with pytest.raises(ConfigError, match="must be"):
+            insertion(**wrong)
+    assert board(physics={"friction": 0.4}).physics.tip == "peg"
     with pytest.raises(ConfigError, match="unknown tip"):
         insertion(physics={"tip": "cone"})._model(wall_task(0.01), 0)

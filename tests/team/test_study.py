@@ -126,23 +126,23 @@ def test_the_ledger_spares_what_is_done(lego, tmp_path):
     first = recorded_truth(lego, STUDY, 0, block, tmp_path, "abc")
     assert first.executing.shape == (11, 8)
     # The record is the proof that nothing ran again: what it says is what comes back.
-    item = Item("lego", "truth", 0, _hash_of(tmp_path / "lego-truth-s0.json"))
+    item = Item("lego", "truth", 0, 0, _hash_of(tmp_path / "lego-truth-s0-b0.json"))
     marked = {"planning": np.zeros((11, 8)).tolist(), "executing": np.full((11, 8), 0.5).tolist()}
     write(tmp_path, item, marked, seconds=1.0)
     assert (recorded_truth(lego, STUDY, 0, block, tmp_path, "abc").executing == 0.5).all()
     assert (recorded_truth(lego, STUDY, 0, block, tmp_path, "other").executing == first.executing).all()
     plans = true_plans(STUDY, 0, block, first, 10.0)
-    rows = recorded_rows(lego, STUDY, plans, first, tmp_path)
-    assert rows == recorded_rows(lego, STUDY, plans, first, tmp_path)
-    assert (tmp_path / "lego-adl_true-s0.json").is_file()
+    rows = recorded_rows(lego, STUDY, 0, plans, first, tmp_path)
+    assert rows == recorded_rows(lego, STUDY, 0, plans, first, tmp_path)
+    assert (tmp_path / "lego-adl_true-s0-b0.json").is_file()
 
 
 def test_a_damaged_or_foreign_record_is_not_used(tmp_path):
-    item = Item("lego", "adl", 3, "hash")
+    item = Item("lego", "adl", 3, 0, "hash")
     assert find(tmp_path, item) is None
     write(tmp_path, item, {"rows": [1]}, seconds=0.1)
     assert find(tmp_path, item) == {"rows": [1]}
-    assert find(tmp_path, Item("lego", "adl", 3, "other")) is None
+    assert find(tmp_path, Item("lego", "adl", 3, 0, "other")) is None
     file = tmp_path / item.file
     file.write_text(file.read_text().replace("1\n", "2\n", 1))
     assert find(tmp_path, item) is None
@@ -163,7 +163,12 @@ def test_theta_is_tuned_on_other_tasks(lego):
 
 @pytest.mark.parametrize(
     ("change", "message"),
-    [({"pretrained_pool": 1}, "level 2"), ({"pool": 4}, "set_size 5"), ({"blocks": 9}, "blocks is 9")],
+    [
+        ({"orders": (("a",),)}, "orders need 1"),
+        ({"pretrained_pool": 1}, "level 2"),
+        ({"pool": 4}, "set_size 5"),
+        ({"blocks": 9}, "blocks is 9"),
+    ],
 )
 def test_impossible_studies_are_refused(change, message):
     with pytest.raises(ConfigError, match=message):

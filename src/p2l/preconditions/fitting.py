@@ -72,24 +72,27 @@ class _Tensors:
 def split_tasks(data: TransferData, holdout: float, members: int, rng: np.random.Generator) -> Split:
     """Hold out a share of the tasks and deal the others to folds, evenly over groups and over taught tasks.
 
+    Tasks with equal features are one task here: what is held out has never been seen, not even as a twin.
+
     Raises:
         ConfigError: too few tasks or taught tasks to fit and to judge.
     """
-    m = len(data.names)
+    _, first, twin = np.unique(np.round(data.features, 6), axis=0, return_index=True, return_inverse=True)
+    m = len(first)
     count = max(1, round(holdout * m))
-    taught = np.isin(np.arange(m), data.train_task)
+    taught = np.isin(np.arange(m), twin[data.train_task])
     if m - count < members or members < 2 or taught.sum() < 3:
         raise ConfigError(
-            f"{m} tasks, {int(taught.sum())} of them taught, holdout {holdout} and {members} members: needs at least "
-            "3 taught tasks, 2 members, and as many tasks that are not held out as members. Collect more tasks."
+            f"{m} distinct tasks, {int(taught.sum())} of them taught, holdout {holdout} and {members} members: needs "
+            "at least 3 taught tasks, 2 members, and as many tasks not held out as members. Collect more tasks."
         )
     # Every m / count-th task of this order is held out, so that each group and the taught ones lose their share.
-    order = np.lexsort((rng.random(m), data.group, ~taught))
+    order = np.lexsort((rng.random(m), data.group[first], ~taught))
     place = (np.arange(m) + rng.integers(m)) % m
     held = (place * count) % m < count
     fold = np.full(m, -1, dtype=np.int64)
     fold[order[~held]] = (np.arange(m - int(held.sum())) + rng.integers(members)) % members
-    return Split(fold)
+    return Split(fold[twin])
 
 
 def fit(

@@ -16,7 +16,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
-from functools import partial
 from typing import Any, Literal, TypeVar
 
 import mujoco
@@ -293,9 +292,12 @@ def insertion(
     """
     if layout not in ("grid", "board"):
         raise ConfigError(f"insertion: unknown layout '{layout}'; known layouts: grid, board")
+    numbers = [noise_std, farthest_wall_cm, layout_seed, nthread, *board_distance_m]
+    if not all(isinstance(number, (int, float)) and 0.0 <= number < np.inf for number in numbers) or nthread < 1:
+        raise ConfigError(f"insertion: noise_std, walls, seed, nthread, distances: {numbers} must be finite numbers")
     low, high = (float(value) for value in board_distance_m)
-    if noise_std < 0.0 or not 0.0 < low < high:
-        raise ConfigError(f"insertion: noise_std {noise_std} must be at least 0 and {board_distance_m} a rising range")
+    if not 0.0 < low < high:
+        raise ConfigError(f"insertion: board_distance_m {board_distance_m} must be a rising range above 0")
     return InsertionDomain(
         layout=layout,
         physics=_settings(Physics, physics),
@@ -309,13 +311,39 @@ def insertion(
     )
 
 
-board = partial(insertion, layout="board", physics={"tip": "peg"})
+def board(
+    *,
+    physics: Mapping[str, Any] | None = None,
+    noise_std: float = 0.003,
+    board_distance_m: Sequence[float] = (0.007, 0.025),
+    reps: Mapping[str, Any] | None = None,
+    demonstration: Mapping[str, Any] | None = None,
+    nthread: int = 2,
+) -> InsertionDomain:
+    """Build the peg board of table 3.1: `insertion` with holes instead of slots and a round tip."""
+    return insertion(
+        layout="board",
+        physics={"tip": "peg", **(physics or {})},
+        noise_std=noise_std,
+        board_distance_m=board_distance_m,
+        reps=reps,
+        demonstration=demonstration,
+        nthread=nthread,
+    )
+
 
 T = TypeVar("T")
 
 
 def _settings(kind: type[T], given: Mapping[str, Any] | None) -> T:
-    allowed = [item.name for item in fields(kind)]  # type: ignore[arg-type]
-    if unknown := sorted(set(given or {}) - set(allowed)):
-        raise ConfigError(f"insertion: unknown {kind.__name__} settings {unknown}; allowed: {', '.join(allowed)}")
+    defaults = {item.name: item.default for item in fields(kind)}  # type: ignore[arg-type]
+    if unknown := sorted(set(given or {}) - set(defaults)):
+        raise ConfigError(f"insertion: unknown {kind.__name__} settings {unknown}; allowed: {', '.join(defaults)}")
+    for name, value in (given or {}).items():
+        if isinstance(defaults[name], str):
+            continue  # the tip, which `build_model` checks
+        whole = isinstance(defaults[name], int)
+        if isinstance(value, bool) or not isinstance(value, int if whole else (int, float)) or not 0 <= value < np.inf:
+            kind_of = "whole number" if whole else "finite number"
+            raise ConfigError(f"insertion: {kind.__name__}.{name} is {value!r}; it must be a {kind_of} of at least 0")
     return kind(**(given or {}))

@@ -185,10 +185,10 @@ def recorded_truth(
         seed: of the evaluation.
         block: its tasks.
         records: folder of the ledger.
-        identity: hash of the configuration that decides tasks and truth.
+        identity: hash of what decides the truth besides the tasks.
         progress: called while simulating.
     """
-    item = Item(domain.name, "truth", block.index, config_hash([TRUTH_VERSION, identity, block.digest]))
+    item = Item(domain.name, "truth", seed, block.index, config_hash([TRUTH_VERSION, identity, block.digest]))
     if (known := find(records, item)) is None:
         start = time.perf_counter()
         truth = measure_truth(domain, study, seed, block, progress)
@@ -198,13 +198,13 @@ def recorded_truth(
 
 
 def recorded_rows(
-    domain: Domain, study: Study, plans: pd.DataFrame, truth: Truth, records: Path
+    domain: Domain, study: Study, seed: int, plans: pd.DataFrame, truth: Truth, records: Path
 ) -> list[dict[str, Any]]:
     """Executed rows of one method in one block, from its record if the same plans met the same truth."""
     method, block = str(plans["method"].iloc[0]), int(plans["block"].iloc[0])
     regimes = [regime.__dict__ for regime in study.regimes]
     decisive = [regimes, plans.to_dict("records"), truth.executing.tolist()]
-    item = Item(domain.name, method, block, config_hash(decisive))
+    item = Item(domain.name, method, seed, block, config_hash(decisive))
     if (known := find(records, item)) is None:
         start = time.perf_counter()
         known = {"rows": execute_plans(plans, study.regimes, truth).to_dict("records")}

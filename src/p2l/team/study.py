@@ -24,7 +24,7 @@ from p2l.team.problem import Order, Plan, Problem
 from p2l.worlds.domain import Domain, Tasks
 
 Predictor = Callable[[Array, Array], Array]
-# Method → (planner, order of work). `cba_best` takes its θ from a grid search on tasks that are never evaluated.
+# Method → (planner, order of work). `cba_best` takes its θ from a grid search on sets that are not evaluated.
 METHODS: dict[str, tuple[str, Order]] = {
     "adl": ("auto", "fixed"),
     "ad": ("ad", "fixed"),
@@ -79,6 +79,8 @@ class Study:
         deepest = max((max(regime.levels) for regime in self.regimes), default=0)
         if deepest > self.pretrained_pool:
             raise ConfigError(f"study: level {deepest} exceeds the pretrained_pool of {self.pretrained_pool}")
+        if self.orders and self.blocks != 1:
+            raise ConfigError(f"study: blocks is {self.blocks}; fixed orders need 1")
         if self.set_size > self.pool:
             raise ConfigError(f"study: set_size {self.set_size} exceeds the pool of {self.pool} tasks")
         if not 1 <= self.blocks <= max(self.sets, len(self.orders)):
@@ -169,7 +171,7 @@ def solve(problem: Problem, method: str, theta: float, time_limit_s: float) -> P
 
 
 def tune_theta(study: Study, regime: Regime, tasks: Tasks, predict: Predictor, seed: int) -> float:
-    """CBA's best threshold by predicted cost on sets drawn from tasks that are never evaluated (those of `collect`)."""
+    """CBA's best threshold by predicted cost on sets drawn from the tasks of `collect`, not from the evaluated sets."""
     problems = []
     for index in range(study.tuning_sets):
         rng = generator(seed, "tune", "theta", index)

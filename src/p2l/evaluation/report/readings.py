@@ -84,7 +84,7 @@ def read_crossing(claim: str, summary: pd.DataFrame, regime: str) -> Reading:
 def read_theta(claim: str, table: pd.DataFrame) -> Reading:
     """The threshold from the grid search beside the thesis's."""
     row = table[table["metric"] == "theta"].iloc[0]
-    text = f"Grid search on tasks that are never evaluated gives {row['mean']:.2f} (thesis {row['thesis']:g})."
+    text = f"Grid search on sets that are not evaluated gives {row['mean']:.2f} (thesis {row['thesis']:g})."
     apart = abs(row["mean"] - row["thesis"])
     return Reading(claim, text, _grade(apart < 0.5 * THETA_STEP, apart < 2.5 * THETA_STEP))
 
