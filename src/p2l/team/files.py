@@ -23,7 +23,7 @@ from p2l.team.problem import ORDERS, Decision, Order, Plan, Problem
 
 _COSTS = ("c_rob", "c_hum", "c_fail", "c_demo")
 _ORDERS_COLUMNS = ("task", *_COSTS)
-_LARGEST = 1e100  # a larger cost is a slip, and sums of such costs overflow
+_LARGEST = 1e100  # said in a message; a larger cost is a slip, and sums of such costs overflow
 _NAMED = 4  # tasks that a row of the table of reasons names; the rest are counted
 
 Row = tuple[int, list[str]]
@@ -80,7 +80,7 @@ def write_plan(folder: Path | str, problem: Problem, plan: Plan) -> None:
     for place, task in enumerate(plan.sequence.tolist(), start=1):
         skill = int(plan.skill[task])
         decision = Decision(int(plan.decision[task])).name.lower()
-        numbers = [repr(float(plan.p_success[task])), repr(float(plan.expected_cost[task]))]
+        numbers = [f"{value:.12g}" for value in (plan.p_success[task], plan.expected_cost[task])]
         writer.writerow([place, problem.tasks[task], decision, problem.tasks[skill] if skill >= 0 else "", *numbers])
     summary = {
         "planner": plan.planner,
@@ -94,8 +94,9 @@ def write_plan(folder: Path | str, problem: Problem, plan: Plan) -> None:
         "n_delegate": plan.count(Decision.DELEGATE),
         "n_learn": plan.count(Decision.LEARN),
     }
+    facts = json.dumps(summary, indent=1, allow_nan=False) + "\n"
     write_text(Path(folder) / "plan.csv", text.getvalue())
-    write_text(Path(folder) / "plan.json", json.dumps(summary, indent=1, allow_nan=False) + "\n")
+    write_text(Path(folder) / "plan.json", facts)
 
 
 def explain(problem: Problem, plan: Plan) -> str:
@@ -118,9 +119,18 @@ def explain(problem: Problem, plan: Plan) -> str:
         numbers = [f"{value:,.1f}" for value in (before, now, before - now)]
         rows.append((problem.tasks[lesson], f"{problem.c_demo[lesson]:,.1f}", listed or "itself only", *numbers))
     counts = ", ".join(f"{plan.count(kind)} {kind.name.lower()}" for kind in Decision)
-    proof = "proven optimal" if plan.status == "optimal" else f"{plan.status}, at most {plan.gap:.2%} above the optimum"
-    total = f"Expected cost {plan.objective:,.1f} ({proof}); without any lesson {alone:,.1f}. {counts}."
+    total = f"Expected cost {plan.objective:,.1f} ({_proof(plan)}); without any lesson {alone:,.1f}. {counts}."
     return total + "\n" + (_aligned(rows) if len(rows) > 1 else "No lesson pays for itself.")
+
+
+def _proof(plan: Plan) -> str:
+    """How far the plan can be from the best one; `plan.gap` is relative to the plan, so it would say too little."""
+    if plan.status == "optimal":
+        return "proven optimal"
+    if plan.lower_bound > 0.0:
+        excess = (plan.objective - plan.lower_bound) / plan.lower_bound
+        return f"{plan.status}, at most {excess:.2%} above the optimum"
+    return f"{plan.status}, the optimum is at least {max(0.0, plan.lower_bound):,.1f}"  # no cost is negative
 
 
 def _aligned(rows: Sequence[Sequence[str]]) -> str:
@@ -140,8 +150,6 @@ def _read_transfer(path: Path, tasks: tuple[str, ...], orders: Path) -> Array:
     header, rows = _table(path)
     tested = _names(path, [(1, name) for name in header[1:]], None, "tested task")
     taught = _names(path, [(line, cells[0]) for line, cells in rows], header[0] or None, "taught task")
-    if len(tested) != len(taught):
-        raise InputError.at(path, None, None, f"is {len(taught)} x {len(tested)}; a transfer table must be square")
     place = {name: index for index, name in enumerate(tasks)}
     for names, row in ((tested, 1), (taught, None)):
         given = set(names)
@@ -164,7 +172,7 @@ def _read_transfer(path: Path, tasks: tuple[str, ...], orders: Path) -> Array:
 def _probabilities(path: Path, line: int, tested: tuple[str, ...], cells: list[str]) -> Array:
     """One row at once; cell by cell only to find out what is wrong."""
     try:
-        values = np.array(cells, dtype=np.float64)
+        values = np.array(cells if not any("_" in cell for cell in cells) else [np.nan], dtype=np.float64)
     except ValueError:
         values = np.array([np.nan])
     if not bool(((values >= 0.0) & (values <= 1.0)).all()):
@@ -173,9 +181,9 @@ def _probabilities(path: Path, line: int, tested: tuple[str, ...], cells: list[s
 
 
 def _number(path: Path, line: int, column: str, text: str, largest: float) -> float:
-    what = "a probability in [0, 1]" if largest == 1.0 else "a cost of at least 0"
+    what = "a probability in [0, 1]" if largest == 1.0 else "a cost of at least 0 and at most 1e100"
     try:
-        value = float(text)
+        value = float(text.replace("_", "?"))  # Python would read 1_0 as 10
     except ValueError:
         raise InputError.at(path, line, column, f"'{text}' is not a number; give {what}") from None
     if not 0.0 <= value <= largest:  # also refuses NaN
@@ -188,6 +196,8 @@ def _names(path: Path, given: list[tuple[int, str]], column: str | None, what: s
     for line, name in given:
         if not name:
             raise InputError.at(path, line, column, f"a {what} has no name; name it")
+        if "\0" in name:
+            raise InputError.at(path, line, column, f"{what} {name!r} holds a NUL character; remove it")
         if name in seen:
             raise InputError.at(path, line, column, f"{what} '{name}' appears twice; keep one")
         seen.add(name)
@@ -196,6 +206,8 @@ def _names(path: Path, given: list[tuple[int, str]], column: str | None, what: s
 
 def _table(path: Path) -> tuple[list[str], list[Row]]:
     """Header and rows with their line numbers; cells are stripped, blank lines skipped, lengths checked."""
+    if path.is_dir():
+        raise InputError.at(path, None, None, "is a directory; give the CSV file itself")
     if not path.is_file():
         raise InputError.at(path, None, None, "no such file; check the path")
     try:
@@ -207,7 +219,9 @@ def _table(path: Path) -> tuple[list[str], list[Row]]:
     lines = [(line, cells) for line, cells in lines if any(cells)]
     if not lines:
         raise InputError.at(path, None, None, "is empty; it needs a header and one row per task")
-    (_, header), *rows = lines
+    (first, header), *rows = lines
+    if len(header) == 1:
+        raise InputError.at(path, first, None, "the header has one cell only; separate the cells by commas")
     if not rows:
         raise InputError.at(path, None, None, "has a header but no tasks; add one row per task")
     if twice := [name for name, count in Counter(header).items() if name and count > 1]:
