@@ -18,6 +18,7 @@ from p2l.records import Array, BoolArray, IntArray
 from p2l.team import baselines, oracle
 from p2l.team.outcome import decide, objective
 from p2l.team.problem import Problem, Status
+from p2l.team.pruning import without_losses
 
 SMALL = 40  # up to so many tasks HiGHS answers in milliseconds
 LOADING = 200  # up to so many it answers sooner than the compiled kernels load, where they are not loaded yet
@@ -63,12 +64,15 @@ def prepare(planner: str, problem: Problem) -> None:
         load_kernels()
 
 
-def _best_plan(problem: Problem, taught: BoolArray | None) -> IntArray:
-    """The plan of these lessons, or the plan without lessons where that one is cheaper or there are none."""
+def _best_plan(problem: Problem, taught: BoolArray | None, *, proven: bool = False) -> IntArray:
+    """The plan of these lessons, or the plan without lessons where that one is cheaper or there are none.
+
+    Lessons that do not pay are dropped first, unless the lessons are proven best.
+    """
     without = decide(problem, np.zeros(problem.n, dtype=bool))
     if taught is None:
         return without
-    found = decide(problem, taught)
+    found = decide(problem, taught if proven else without_losses(problem, taught))
     return found if objective(problem, found).total <= objective(problem, without).total else without
 
 
@@ -77,7 +81,8 @@ def _pyomo(problem: Problem, limits: Limits, form: str) -> Answer:
 
     built = model.max_form(problem) if form == "max_form" else model.strong_form(problem)
     ending = solve.solve_model(built, time_limit_s=limits.left, gap=limits.gap)
-    decision = _best_plan(problem, model.taught_in(built) if ending.has_solution else None)
+    proven = ending.finished and limits.gap == 0.0
+    decision = _best_plan(problem, model.taught_in(built) if ending.has_solution else None, proven=proven)
     return Answer(decision, "optimal" if ending.finished else "time_limit", ending.lower_bound)
 
 
@@ -95,7 +100,8 @@ def _highs(problem: Problem, limits: Limits) -> Answer:
 
     found = solve_core(of_problem(problem), time_limit_s=limits.left, gap=limits.gap)
     status: Status = "optimal" if found.finished else "time_limit"
-    return Answer(_best_plan(problem, found.open), status, found.lower_bound, found.multipliers)
+    decision = _best_plan(problem, found.open, proven=found.finished and limits.gap == 0.0)
+    return Answer(decision, status, found.lower_bound, found.multipliers)
 
 
 def _facility(problem: Problem, limits: Limits) -> Answer:
@@ -103,7 +109,8 @@ def _facility(problem: Problem, limits: Limits) -> Answer:
     from p2l.team.pairs import of_problem
 
     found = solve_pairs(of_problem(problem), deadline=limits.deadline, gap=limits.gap)
-    return Answer(_best_plan(problem, found.open), found.status, found.lower_bound, found.multipliers)
+    decision = _best_plan(problem, found.open, proven=found.status == "optimal")
+    return Answer(decision, found.status, found.lower_bound, found.multipliers)
 
 
 def _greedy(problem: Problem, limits: Limits) -> Answer:  # noqa: ARG001

@@ -1,0 +1,48 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from team_instances import geometric, problems, thesis_set
+
+from p2l.team import Decision, objective, plan
+from p2l.team.outcome import decide
+from p2l.team.pruning import without_losses
+
+
+def total(problem, taught):
+    return objective(problem, decide(problem, taught)).total
+
+
+def test_by_hand_the_lesson_that_loses_most_goes_first_and_the_one_that_pays_stays():
+    transfer = np.zeros((5, 5))
+    transfer[0, 2:] = 0.9  # saves 80 on each of three tasks, costs 100 more than the person
+    transfer[1, 2:] = 0.8  # saves nothing beside the first, and alone less than it
+    taught = np.array([True, True, False, False, True])
+    assert without_losses(thesis_set(5, transfer), taught).tolist() == [True, False, False, False, False]
+
+
+@settings(max_examples=150)
+@given(problems(), st.data())
+def test_no_lesson_is_left_whose_removal_saves_and_none_was_dropped_that_paid(problem, data):
+    taught = np.array(data.draw(st.lists(st.booleans(), min_size=problem.n, max_size=problem.n)))
+    kept = without_losses(problem, taught)
+    cost = total(problem, kept)
+    slack = 1e-9 * max(1.0, cost)
+    assert not (kept & ~taught).any()
+    assert cost <= total(problem, taught) + slack
+    for lesson in np.flatnonzero(kept):
+        fewer = kept.copy()
+        fewer[lesson] = False
+        assert total(problem, fewer) >= cost - slack
+
+
+@pytest.mark.parametrize("planner", ["highs", "facility", "auto"])
+def test_every_lesson_of_a_plan_stopped_at_once_pays(planner):
+    problem = geometric(400)
+    made = plan(problem, planner, time_limit_s=1e-3)
+    taught = made.decision == Decision.LEARN
+    assert made.lower_bound <= made.objective
+    for lesson in np.flatnonzero(taught):
+        fewer = taught.copy()
+        fewer[lesson] = False
+        assert total(problem, fewer) >= made.objective - 1e-6
