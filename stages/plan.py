@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import pandas as pd
 
-from p2l.artifacts import load_arrays, save_json, save_table
+from p2l.artifacts import atomic, load_arrays, save_json, save_table
 from p2l.records import TransferData
 from p2l.schema import PlanConfig
 from p2l.team.planners import plan
@@ -30,11 +31,17 @@ def _own_tasks(cfg: PlanConfig, tasks: Path, transfer: Path, out: Path, track: T
     problem = read_problem(tasks, transfer, cfg.order)
     options = {"theta": cfg.theta} if cfg.planner == "cba" else {}
     made = plan(problem, cfg.planner, time_limit_s=cfg.time_limit_s, gap=cfg.gap, **options)
+    reasons = explain(problem, made)
+    with TemporaryDirectory() as folder:  # whatever can fail comes before the first file
+        drawn = Path(folder) / "plan.png"
+        save_plan_figure(drawn, problem, made)
+        picture = drawn.read_bytes()
     write_plan(out, problem, made)
-    save_plan_figure(out / "plan.png", problem, made)
+    with atomic(out / "plan.png") as temporary:
+        temporary.write_bytes(picture)
     track.metrics({"objective": made.objective, "lower_bound": made.lower_bound, "seconds": made.seconds})
     track.artifact(out / "plan.png")
-    print(explain(problem, made))
+    print(reasons)
     print(f"Written to {out}: plan.csv, plan.json, plan.png")
 
 

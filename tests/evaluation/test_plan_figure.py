@@ -38,3 +38,10 @@ def test_a_figure_is_written_whole(tmp_path):
     save_plan_figure(tmp_path / "plan.png", given, plan(given))
     assert (tmp_path / "plan.png").read_bytes().startswith(b"\x89PNG")
     assert [path.name for path in tmp_path.iterdir()] == ["plan.png"]
+
+
+def test_a_name_that_looks_like_a_formula_or_has_no_glyph_is_drawn_as_it_is(tmp_path, recwarn):
+    given = dataclasses.replace(problem(3), tasks=("$5_{$", "$\\frac$", "杯子"))
+    save_plan_figure(tmp_path / "plan.png", given, plan(given))
+    assert (tmp_path / "plan.png").read_bytes().startswith(b"\x89PNG")
+    assert not [warning for warning in recwarn if "Glyph" in str(warning.message)]

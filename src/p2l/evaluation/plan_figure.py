@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +27,8 @@ _LONGEST = 18  # letters of a task name
 def save_plan_figure(path: Path | str, problem: Problem, plan: Plan) -> None:
     """Draw a plan to a PNG (or what the suffix says), atomically."""
     figure = plan_figure(problem, plan)
-    with atomic(path) as temporary:
+    with atomic(path) as temporary, warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing from")  # drawn as a box; the CSV has the name
         figure.savefig(temporary, dpi=150)
 
 
@@ -44,7 +46,8 @@ def plan_figure(problem: Problem, plan: Plan) -> Figure:
     if named:
         names = [_short(problem.tasks[task]) for task in plan.sequence]
         crowded = problem.n > 12 or max(map(len, names)) > 60 // problem.n
-        below.set_xticks(np.arange(1, problem.n + 1), names, rotation=90 if crowded else 0, fontsize=8)
+        turn = 90 if crowded else 0
+        below.set_xticks(np.arange(1, problem.n + 1), names, rotation=turn, fontsize=8, parse_math=False)
     below.set_xlabel(f"task, in order of work ({problem.order})")
     counts = ", ".join(f"{plan.count(kind)} {kind.name.lower()}" for kind in Decision)
     proof = "optimal" if plan.status == "optimal" else f"{plan.status}, gap {plan.gap:.2%}"
