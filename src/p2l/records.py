@@ -39,6 +39,8 @@ def freeze(
         ShapeError: names the array, what was given and what is allowed.
     """
     given = np.asarray(value)
+    if given.dtype.kind == "c":
+        raise ShapeError(f"{name}: holds complex numbers; expected real ones")
     try:
         array = np.array(given, dtype=dtype, order="C")
     except (TypeError, ValueError) as error:

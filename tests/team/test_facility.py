@@ -246,3 +246,17 @@ def test_a_broken_instance_file_is_named(tmp_path):
     for name in ("short.txt", "absent.txt"):
         with pytest.raises(InputError, match=name):
             read_instance(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("opening", "service", "message"),
+    [
+        ([1e101], [[1.0]], r"opening_cost: holds 1e\+101; expected values of at most 1e\+100"),
+        ([1.0], [[1e308]], r"service_cost: holds 1e\+308; expected values of at most 1e\+100"),
+        ([1.0 + 2.0j], [[1.0]], "opening_cost: holds complex numbers; expected real ones"),
+        ([1.0], [[1j]], "service_cost: holds complex numbers"),
+    ],
+)
+def test_costs_that_overflow_or_are_complex_are_refused(opening, service, message):
+    with pytest.raises(ShapeError, match=message):
+        solve_facility_location(np.array(opening), np.array(service))

@@ -18,6 +18,7 @@ from p2l.team.problem import Certificate, FacilitySolution, Status
 
 _FEW_PAIRS = 6_000  # HiGHS answers such an instance sooner than the kernels load
 _LOADING_S = 0.4  # what loading them takes at least
+_LARGEST = 1e100  # sums of larger costs overflow
 _TRUSTED = 1e-6  # relative gap up to which HiGHS is believed: its feasibility tolerance
 
 
@@ -27,13 +28,14 @@ def solve_facility_location(
     """Open facilities and assign demands at least total cost (thesis, equation 3.3).
 
     Args:
-        opening_cost: [F] at least 0.
-        service_cost: [D, F] at least 0, cost of serving a demand (row) from a facility (column).
+        opening_cost: [F] at least 0 and at most 1e100.
+        service_cost: [D, F] at least 0 and at most 1e100, cost of serving a demand (row) from a facility (column).
         time_limit_s: wall seconds; at the limit the best solution so far is returned with its true bound.
         gap: relative gap at which the search may stop; 0 proves optimality (to 1e-9 relative).
 
     Raises:
-        ShapeError: no facility or no demand, a wrong shape, a cost that is NaN, infinite or negative.
+        ShapeError: no facility or no demand, a wrong shape, a cost that is complex, NaN, infinite, negative or
+            above 1e100.
         ConfigError: a time limit of zero or less, or a gap outside [0, 1).
     """
     if not time_limit_s > 0.0:
@@ -42,8 +44,8 @@ def solve_facility_location(
         raise ConfigError(f"gap: {gap} given; it is relative and must lie in [0, 1)")
     began = time.perf_counter()
     sizes: dict[str, int] = {}
-    opening = np.array(freeze("opening_cost", opening_cost, ("F",), sizes, low=0.0))
-    service = np.array(freeze("service_cost", service_cost, ("D", "F"), sizes, low=0.0))
+    opening = np.array(freeze("opening_cost", opening_cost, ("F",), sizes, low=0.0, high=_LARGEST))
+    service = np.array(freeze("service_cost", service_cost, ("D", "F"), sizes, low=0.0, high=_LARGEST))
     if not service.size:
         raise ShapeError(f"service_cost: has shape {service.shape}; give at least one demand and one facility")
     pairs = of_table(opening, service)
