@@ -47,7 +47,3 @@ class SolverError(P2LError):
 
 class TrackingError(P2LError):
     """The experiment tracker cannot be reached or refuses to write."""
-
-
-class RenderingError(P2LError):
-    """No software or hardware GL is available to draw a video."""

@@ -18,7 +18,6 @@ from p2l.records import Array, BoolArray, IntArray, freeze
 Order = Literal["fixed", "any"]
 Status = Literal["optimal", "feasible", "time_limit", "heuristic"]
 ORDERS: tuple[str, ...] = ("fixed", "any")
-STATUSES: tuple[str, ...] = ("optimal", "feasible", "time_limit", "heuristic")
 
 
 class Decision(IntEnum):
