@@ -43,6 +43,7 @@ StageFunction = Callable[[ConfigT, Path, Tracker], None]
 
 PARENT_VARIABLE = "P2L_PARENT_RUN"
 CONFIG_FILE, LOG_FILE = "config.yaml", "stage.log"
+_PATHS = ("tasks", "transfer")  # files that a person names on the command line
 _ALWAYS = ("hydra.output_subdir=null", "hydra/job_logging=none")  # this module keeps the config and the log
 
 
@@ -98,8 +99,25 @@ def _arguments(given: list[str]) -> list[str]:
             options.append(f"--config-path={Path(word.partition('=')[2]).resolve()}")
         else:
             (overrides if re.match(r"[^-].*=|~", word) else options).append(word)
+    if not {"-m", "--multirun"} & set(options):  # in a sweep a comma separates values
+        overrides = [_plain_path(word) for word in overrides]
     keys = {word.partition("=")[0] for word in overrides}
     return options + overrides + [always for always in _ALWAYS if always.partition("=")[0] not in keys]
+
+
+def _plain_path(word: str) -> str:
+    """A person's file as the shell gave it, quoted where Hydra's grammar would read more than a path into it.
+
+    What is written for Hydra stays: quotes, escapes, interpolations and null.
+    """
+    key, _, value = word.partition("=")
+    if key not in _PATHS or value in ("", "null") or value[0] in "'\"" or "\\" in value or "${" in value:
+        return word
+    path = os.path.expanduser(value)  # noqa: PTH111 (the shell leaves a ~ after = alone; Path fails without a home)
+    if re.fullmatch(r"[\w./-]+", path, re.ASCII):
+        return f"{key}={path}"
+    escaped = path.replace("'", "\\'")
+    return f"{key}='{escaped}'"
 
 
 def _one_message(error: BaseException) -> str:

@@ -7,9 +7,11 @@ import sys
 from pathlib import Path
 
 import pytest
+from hydra.core.override_parser.overrides_parser import OverridesParser
 from mlflow import MlflowClient
 
 from stages import collect
+from stages._stage import _arguments
 
 ROOT = Path(__file__).resolve().parents[2]
 STAGES = sorted(path.stem for path in (ROOT / "stages").glob("[a-z]*.py"))
@@ -83,6 +85,31 @@ def test_a_refused_rerun_leaves_the_earlier_run_as_it_was(tmp_path, monkeypatch)
     assert {path.name: path.read_text() for path in out.iterdir()} == dict.fromkeys(
         ("run.json", "config.yaml", "transfer_data.npz"), "earlier"
     )
+
+
+@pytest.mark.parametrize(
+    ("given", "meant"),
+    [
+        ("orders.csv", "orders.csv"),
+        ("orders (1).csv", "orders (1).csv"),
+        ("a, b=[c] {d} #e*.csv", "a, b=[c] {d} #e*.csv"),
+        ("it's.csv", "it's.csv"),
+        ("~/orders.csv", "/home/of a person/orders.csv"),
+        ("'orders (1).csv'", "orders (1).csv"),
+        (r"orders\ \(1\).csv", "orders (1).csv"),
+        ("null", None),
+    ],
+)
+@pytest.mark.parametrize("key", ["tasks", "transfer"])
+def test_a_path_on_the_command_line_may_hold_what_hydra_reads_otherwise(monkeypatch, key, given, meant):
+    monkeypatch.setenv("HOME", "/home/of a person")
+    word = _arguments([f"{key}={given}"])[0]
+    assert OverridesParser.create().parse_override(word).value() == meant
+
+
+def test_only_paths_of_a_single_run_are_quoted():
+    assert _arguments(["-m", "tasks=a.csv,b.csv"])[1] == "tasks=a.csv,b.csv"
+    assert _arguments(["study.levels=[0, 1]"])[0] == "study.levels=[0, 1]"
 
 
 def test_a_bug_keeps_its_traceback_and_is_not_taken_for_bad_input(tmp_path):
@@ -167,3 +194,21 @@ def test_a_stage_imports_only_what_it_needs(name):
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
     assert HEAVY & set(done.stdout.split()) <= NEEDS[name]
+
+
+def test_a_plan_that_cannot_be_drawn_leaves_no_half_output(tmp_path, monkeypatch, capsys):
+    (tmp_path / "o (1).csv").write_text("task,c_rob,c_hum,c_fail,c_demo\ncup,10,100,100,200\n")
+    (tmp_path / "t.csv").write_text(",cup\ncup,1\n")
+    out = tmp_path / "out"
+    files = (f"tasks={tmp_path / 'o (1).csv'}", f"transfer={tmp_path / 't.csv'}")
+    monkeypatch.setenv("HYDRA_FULL_ERROR", "1")
+    monkeypatch.setattr(sys, "argv", ["plan", *files, "tracking=disabled", f"hydra.run.dir={out}"])
+
+    def fail(*_):
+        raise RuntimeError("no font")
+
+    monkeypatch.setattr("p2l.evaluation.plan_figure.save_plan_figure", fail)
+    with pytest.raises(SystemExit) as left:
+        importlib.import_module("stages.plan").run()
+    assert (left.value.code, "RuntimeError: no font" in capsys.readouterr().err) == (1, True)
+    assert not list(out.glob("plan.*"))
