@@ -48,10 +48,10 @@ def test_every_preset_configures_every_stage_of_every_domain(tmp_path, preset):
 
 def test_overrides_reach_their_stage_and_removed_items_go(tmp_path, written):
     shutil.copytree(written, tmp_path, dirs_exist_ok=True)
-    configure(tmp_path, "domains=[lego]", "+overrides.plan=['gap=0.25']", "seed=7")
+    configure(tmp_path, "domains=[lego]", "+overrides.plan=['time_limit_s=7.5']", "seed=7")
     assert sorted(path.name for path in tmp_path.iterdir() if path.is_dir()) == ["lego", "report"]
     plan = yaml.safe_load((tmp_path / "lego" / "plan.yaml").read_text())
-    assert (plan["gap"], plan["seed"]) == (0.25, 7)
+    assert (plan["time_limit_s"], plan["seed"]) == (7.5, 7)
 
 
 @pytest.mark.parametrize(
@@ -63,6 +63,7 @@ def test_overrides_reach_their_stage_and_removed_items_go(tmp_path, written):
         ("domains=[lego,lego]", "none twice"),
         ("+overrides.plan=['gap=-1']", "gap: given '-1'"),
         ("+overrides.plan=['gep=1']", "gep"),
+        ("+overrides.plan=['planner=greedy']", "planner: only for your own tasks"),
         ("+overrides.bake=['gap=1']", "bake"),
     ],
 )
