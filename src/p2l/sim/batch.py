@@ -1,16 +1,18 @@
 """The batched engine: N states advance together through `mujoco.rollout`, one control step at a time.
 
-State in, state out: a row of `states` holds everything that decides its future (the full physics state and the
-pose of the impedance target), so restoring a moment is handing its row back. Every call covers exactly one control
+State in, state out: a row of `states` holds everything that decides its future (the full physics state, the pose of
+the impedance target and the poses of the furniture), so restoring a moment is handing its row back. Every call covers exactly one control
 step because `rollout` starts each call with a cold solver; with that rule any way to cut an episode gives the same
 trace to the bit, alone or in a batch, on any number of threads.
 
 Axis letters: N rows, S state columns, T physics steps in a control step, U controls, D sensor values.
+A row of `states`: full physics state, impedance target (position 3, quaternion 4), then 7 for each piece of furniture
+in the order of `furniture`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import TracebackType
 
@@ -20,7 +22,7 @@ import numpy.typing as npt
 from mujoco import rollout
 
 from p2l.errors import ConfigError, ShapeError
-from p2l.records import Array, IntArray
+from p2l.records import Array, BoolArray, IntArray
 from p2l.sim.model import AXES, TARGET_BODY
 
 _PHYSICS = mujoco.mjtState.mjSTATE_FULLPHYSICS
@@ -33,11 +35,13 @@ class Chunk:
 
     Attributes:
         states: [N, S] at the end of the step.
-        sensors: [N, T, D] after every physics step.
+        sensors: [N, T, D] at every physics step (MuJoCo senses a step's start, so they lag the state by one step).
+        diverged: [N] rows in which MuJoCo gave up (NaN, or numbers out of bounds); their values mean nothing.
     """
 
     states: Array
     sensors: Array
+    diverged: BoolArray
 
 
 class Engine:
@@ -65,14 +69,18 @@ class Engine:
             same = (model.nq, model.nv, model.nu, model.nmocap, model.nsensordata, model.opt.timestep)
             if same != (first.nq, first.nv, first.nu, first.nmocap, first.nsensordata, first.opt.timestep):
                 raise ConfigError(f"engine: model {index} has other sizes than model 0; rows of a batch must be alike")
-        if first.nmocap != 1 or mujoco.mj_name2id(first, mujoco.mjtObj.mjOBJ_BODY, TARGET_BODY) < 0:
+        if mujoco.mj_name2id(first, mujoco.mjtObj.mjOBJ_BODY, TARGET_BODY) < 0:
             raise ConfigError("engine: the models have no impedance target; call add_impedance first")
+        mocaps = {int(first.body(i).mocapid[0]): first.body(i).name for i in range(first.nbody)}
+        self._target = int(first.body(TARGET_BODY).mocapid[0])
+        self._order = [self._target, *(i for i in range(first.nmocap) if i != self._target)]
+        self.furniture = tuple(mocaps[i] for i in self._order[1:])
         self.models = tuple(models)
         self.physics_steps = round(steps)
         self.timestep_s = float(first.opt.timestep)
         self.control_period_s = control_period_s
         self.physics_size = int(mujoco.mj_stateSize(first, _PHYSICS))
-        self.state_size = self.physics_size + 7
+        self.state_size = self.physics_size + 7 * first.nmocap
         self.control_names = tuple(first.actuator(i).name for i in range(first.nu))
         self.sensor_columns = _sensor_columns(first)
         self.nq, self.nv = int(first.nq), int(first.nv)
@@ -91,13 +99,36 @@ class Engine:
         """Stop the threads."""
         self._pool.close()
 
-    def states_from(self, qpos: npt.ArrayLike, target_pos: npt.ArrayLike, target_quat: npt.ArrayLike) -> Array:
-        """Rows at rest: [N, S] from joint positions [N, nq] and target poses [N, 3] m, [N, 4] (w, x, y, z)."""
+    def states_from(
+        self,
+        qpos: npt.ArrayLike,
+        target_pos: npt.ArrayLike,
+        target_quat: npt.ArrayLike,
+        furniture: Mapping[str, Array] | None = None,
+    ) -> Array:
+        """Rows at rest: [N, S] from joint positions [N, nq] and target poses [N, 3] m, [N, 4] (w, x, y, z).
+
+        Args:
+            qpos: [N, nq] joint positions in the order of the model.
+            target_pos: [N, 3] of the impedance target, world frame, m.
+            target_quat: [N, 4] of the impedance target, (w, x, y, z).
+            furniture: poses [N, 7] (position in m, quaternion) by body name; the model's own pose where one is missing.
+
+        Raises:
+            ConfigError: a piece of furniture that the model does not have.
+        """
         positions = np.atleast_2d(np.asarray(qpos, dtype=np.float64))
         states = np.zeros((len(positions), self.state_size))
         states[:, 1 : 1 + self.nq] = positions
         states[:, self.physics_size : self.physics_size + 3] = target_pos
-        states[:, self.physics_size + 3 :] = target_quat
+        states[:, self.physics_size + 3 : self.physics_size + 7] = target_quat
+        given = dict(furniture or {})
+        if unknown := sorted(set(given) - set(self.furniture)):
+            raise ConfigError(f"engine: no furniture {unknown}; the model has: {', '.join(self.furniture) or 'none'}")
+        for place, name in enumerate(self.furniture, start=1):
+            body = self.models[0].body(name)
+            pose = given.get(name, np.concatenate([body.pos, body.quat]))
+            states[:, self.physics_size + 7 * place : self.physics_size + 7 * place + 7] = pose
         return states
 
     def qpos(self, states: Array) -> Array:
@@ -127,22 +158,43 @@ class Engine:
         Raises:
             ShapeError: an input has another shape, or holds NaN.
         """
-        rows = len(states)
         self._check(states, target_pos, target_quat, control, model_index)
-        before = states[:, self.physics_size :]
+        before = states[:, self.physics_size : self.physics_size + 7]
         sign = np.where((before[:, 3:] * target_quat).sum(1, keepdims=True) < 0.0, -1.0, 1.0)
         after = np.concatenate([target_pos, sign * target_quat], axis=1)
         fraction = (np.arange(1, self.physics_steps + 1) / self.physics_steps)[None, :, None]
-        units = len(self.control_names)
-        inputs = np.empty((rows, self.physics_steps, units + 7))
+        target = before[:, None] * (1.0 - fraction) + after[:, None] * fraction
+        target[..., 3:] /= np.linalg.norm(target[..., 3:], axis=-1, keepdims=True)
+        path, sensors = self._roll(states, target, control, model_index)
+        ended = np.concatenate([path[:, -1], target[:, -1], states[:, self.physics_size + 7 :]], axis=1)
+        # After a MuJoCo warning `rollout` repeats the last state, so the clock stands still or values are not finite.
+        due = states[:, 0] + (self.physics_steps - 0.5) * self.timestep_s
+        diverged = ~np.isfinite(path[:, -1]).all(axis=1) | (path[:, -1, 0] < due)
+        return Chunk(states=ended, sensors=sensors, diverged=diverged)
+
+    def sense(self, states: Array, control: Array, model_index: IntArray) -> Array:
+        """[N, D] what the sensors read in these states, before any step; arguments as in `step`."""
+        pose = states[:, self.physics_size : self.physics_size + 7]
+        self._check(states, pose[:, :3], pose[:, 3:], control, model_index)
+        _, sensors = self._roll(states, pose[:, None], control, model_index)
+        return np.asarray(sensors[:, 0])
+
+    def _roll(self, states: Array, target: Array, control: Array, model_index: IntArray) -> tuple[Array, Array]:
+        """Physics states [N, T, ·] and sensors [N, T, D] while the impedance target follows `target` [N, T, 7]."""
+        rows, steps = target.shape[:2]
+        units, mocaps = len(self.control_names), len(self._order)
+        inputs = np.empty((rows, steps, units + 7 * mocaps))
         inputs[..., :units] = control[:, None]
-        inputs[..., units:] = before[:, None] * (1.0 - fraction) + after[:, None] * fraction
-        inputs[..., units + 3 :] /= np.linalg.norm(inputs[..., units + 3 :], axis=-1, keepdims=True)
+        for place, mocap in enumerate(self._order):
+            start = self.physics_size + 7 * place
+            pose = target if place == 0 else states[:, None, start : start + 7]
+            inputs[..., units + 3 * mocap : units + 3 * mocap + 3] = pose[..., :3]
+            quats = units + 3 * mocaps + 4 * mocap
+            inputs[..., quats : quats + 4] = pose[..., 3:]
         models = [self.models[index] for index in model_index.tolist()]
         physics = np.ascontiguousarray(states[:, : self.physics_size])
         path, sensors = self._pool.rollout(models, self._data, physics, inputs, control_spec=_INPUT)
-        ended = np.concatenate([path[:, -1], inputs[:, -1, units:]], axis=1)
-        return Chunk(states=ended, sensors=sensors)
+        return path, sensors
 
     def stiffness(self, rows: int, linear: npt.ArrayLike, angular: npt.ArrayLike) -> Array:
         """[N, U] controls with these stiffnesses (N/m, N·m/rad; numbers or [N]) and zeros elsewhere."""

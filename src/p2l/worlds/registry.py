@@ -1,16 +1,25 @@
-"""The one list of domains. A new world adds one line here; the contract test then covers it."""
+"""The one list of domains (chapter 3) and of manipulation worlds (chapters 4 and 5).
+
+A new one adds one line here and the contract tests cover it. Factories are named, not imported: a stage loads only
+the world that it works on, and this list sits below what it lists.
+"""
 
 from __future__ import annotations
 
 import importlib
 import inspect
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from p2l.errors import ConfigError
 from p2l.worlds.domain import Domain
+from p2l.worlds.world import World
+
+if TYPE_CHECKING:
+    from p2l.skills.option import Option
 
 _FACTORIES: dict[str, str] = {}
+_WORLDS: dict[str, tuple[str, str]] = {}
 
 
 def register(name: str, factory: str) -> None:
@@ -38,15 +47,77 @@ def get_domain(name: str, params: Mapping[str, Any] | None = None) -> Domain:
     """
     if name not in _FACTORIES:
         raise ConfigError(f"unknown domain '{name}'; known domains: {', '.join(known_domains()) or 'none'}")
-    module, _, attribute = _FACTORIES[name].partition(":")
-    factory: Callable[..., Domain] = getattr(importlib.import_module(module), attribute)
+    domain: Domain = _build(f"domain '{name}'", _FACTORIES[name], params)
+    return domain
+
+
+def register_world(name: str, *, world: str, options: str) -> None:
+    """Make a manipulation world available as `name`.
+
+    Args:
+        name: as in `conf/world/<name>.yaml`.
+        world: `package.module:class`; keyword parameters are those of the YAML.
+        options: `package.module:function` from the world to its nominal chain.
+
+    Raises:
+        ConfigError: the name is taken by another world, or one of the two has no colon.
+    """
+    if ":" not in world or ":" not in options:
+        raise ConfigError(f"world '{name}': write 'package.module:name', got '{world}' and '{options}'")
+    if _WORLDS.setdefault(name, (world, options)) != (world, options):
+        raise ConfigError(f"world '{name}' is already registered as '{_WORLDS[name][0]}'; choose another name")
+
+
+def known_worlds() -> tuple[str, ...]:
+    """Names of all registered worlds, sorted."""
+    return tuple(sorted(_WORLDS))
+
+
+def get_world(name: str, params: Mapping[str, Any] | None = None) -> World:
+    """Build the world `name` with keyword parameters `params`.
+
+    Raises:
+        ConfigError: unknown world, or a parameter that it does not take or refuses.
+    """
+    world: World = _build(f"world '{name}'", _known_world(name)[0], params)
+    return world
+
+
+def get_options(name: str, world: World) -> tuple[Option, ...]:
+    """The nominal chain of a world, in order.
+
+    Raises:
+        ConfigError: unknown world.
+    """
+    make: Callable[[World], tuple[Option, ...]] = _load(_known_world(name)[1])
+    return make(world)
+
+
+def _known_world(name: str) -> tuple[str, str]:
+    if name not in _WORLDS:
+        raise ConfigError(f"unknown world '{name}'; known worlds: {', '.join(known_worlds()) or 'none'}")
+    return _WORLDS[name]
+
+
+def _load(path: str) -> Any:
+    module, _, attribute = path.partition(":")
+    return getattr(importlib.import_module(module), attribute)
+
+
+def _build(what: str, path: str, params: Mapping[str, Any] | None) -> Any:
+    factory: Callable[..., Any] = _load(path)
     given = dict(params or {})
     allowed = tuple(inspect.signature(factory).parameters)
     if unknown := sorted(set(given) - set(allowed)):
-        raise ConfigError(f"domain '{name}': unknown parameters {unknown}; allowed: {', '.join(allowed) or 'none'}")
+        raise ConfigError(f"{what}: unknown parameters {unknown}; allowed: {', '.join(allowed) or 'none'}")
     return factory(**given)
 
 
 register("board", "p2l.skills.insertion:board")
 register("insertion", "p2l.skills.insertion:insertion")
 register("lego", "p2l.worlds.lego:Lego")
+
+register_world("door", world="p2l.worlds.door:Door", options="p2l.skills.nominal.door:options")
+register_world("pick_place", world="p2l.worlds.pick_place:PickPlace", options="p2l.skills.nominal.pick_place:options")
+register_world("shelf", world="p2l.worlds.shelf:Shelf", options="p2l.skills.nominal.shelf:options")
+register_world("cluttered_shelf", world="p2l.worlds.shelf:ClutteredShelf", options="p2l.skills.nominal.shelf:options")

@@ -1,0 +1,1 @@
+"""Failures of nominal skills: found in simulation, grouped into modes."""

@@ -1,0 +1,1 @@
+"""Recoveries: which to learn next, and how they are learnt."""

@@ -1,0 +1,173 @@
+"""From robosuite's arenas, arms and objects to a model with impedance inside, and a twin that is only drawn.
+
+robosuite composes the scene; its torque motors, its mocap bodies and every visual geom leave, and what the batched
+engine needs enters: gravity compensation of the robot, the impedance of `sim.model`, named sensors, and furniture
+whose pose is part of a row's state (a mocap body), so that each row has its own door pose or shelf height without a
+second model.
+"""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import logging
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+
+import mujoco
+import numpy as np
+
+from p2l.errors import ConfigError
+from p2l.records import Array
+from p2l.sim.model import Impedance, add_impedance
+
+logging.getLogger("robosuite_logs").setLevel(logging.ERROR)
+
+from robosuite.models.bases import robot_base_factory  # noqa: E402 (it logs while it is imported)
+from robosuite.models.grippers import gripper_factory  # noqa: E402
+from robosuite.models.robots import create_robot  # noqa: E402
+from robosuite.models.tasks import ManipulationTask  # noqa: E402
+
+ARMS = ("Panda", "UR5e", "IIWA", "Kinova3", "Sawyer", "XArm7")
+GRIP_SITE = "gripper0_right_grip_site"
+WRIST_FORCE = "gripper0_right_force_ee"
+FINGERS = ("gripper0_right_finger_joint1", "gripper0_right_finger_joint2")
+FINGER_ACTUATORS = ("gripper0_right_gripper_finger_joint1", "gripper0_right_gripper_finger_joint2")
+FINGER_OPEN_M = 0.04
+VISUAL_GROUP = 1
+
+
+@dataclass(frozen=True)
+class Physics:
+    """Numbers of the simulation and of the impedance.
+
+    Attributes:
+        timestep_s: physics time step.
+        stiffness_linear, stiffness_angular: N/m and N·m/rad of the impedance.
+        damping_linear, damping_angular: N·s/m and N·m·s/rad.
+        joint_damping: N·m·s/rad added to every joint of the arm; it settles the redundant joint.
+    """
+
+    timestep_s: float = 0.002
+    stiffness_linear: float = 600.0
+    stiffness_angular: float = 40.0
+    damping_linear: float = 60.0
+    damping_angular: float = 4.0
+    joint_damping: float = 1.0
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A composed scene.
+
+    Attributes:
+        model: for the engine; no visual geom.
+        drawn: the same joints and bodies with visuals, for videos.
+        arm_joints: names of the arm's joints, in order.
+        home: [J] robosuite's own start posture of the arm, rad.
+        physics: what it was made with.
+        fingers: control of each finger's actuator when open and when closed.
+    """
+
+    model: mujoco.MjModel
+    drawn: mujoco.MjModel
+    arm_joints: tuple[str, ...]
+    home: Array
+    physics: Physics
+    fingers: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Parts:
+    """What a world puts in front of the robot.
+
+    Attributes:
+        arena: a robosuite arena.
+        objects: robosuite objects, free or fixed.
+        base_pos_world: [3] of the robot's base, m (robosuite adds the height of its mount).
+        furniture: bodies whose pose is state; each must be a child of the world without a joint.
+        tracked: bodies that get the sensors `<name>_pos` and `<name>_quat`, by sensor name.
+        edit: last changes of the spec, e.g. another handle; called before the model is compiled.
+    """
+
+    arena: object
+    objects: Sequence[object]
+    base_pos_world: Sequence[float]
+    furniture: tuple[str, ...] = ()
+    tracked: dict[str, str] = field(default_factory=dict)
+    edit: Callable[[mujoco.MjSpec], None] | None = None
+
+
+def build(arm: str, parts: Parts, physics: Physics) -> Scene:
+    """Compose, prepare and compile a scene with one arm and the Panda's parallel-jaw gripper.
+
+    Raises:
+        ConfigError: unknown arm, or a piece of furniture that the scene does not have.
+    """
+    if arm not in ARMS:
+        raise ConfigError(f"unknown arm '{arm}'; known arms: {', '.join(ARMS)}")
+    robot = create_robot(arm, idn=0)
+    robot.add_gripper(gripper_factory("PandaGripper", idn="0_right"), robot.eef_name["right"])
+    robot.add_base(robot_base_factory(robot.default_base, idn=0))
+    robot.set_base_xpos(np.asarray(parts.base_pos_world, dtype=np.float64))
+    task = ManipulationTask(mujoco_arena=parts.arena, mujoco_robots=[robot], mujoco_objects=list(parts.objects))
+    xml = task.get_xml()
+    joints = tuple(robot.joints)
+    home = np.asarray(robot.init_qpos, dtype=np.float64)
+    fingers = dict(zip(FINGER_ACTUATORS, ((FINGER_OPEN_M, 0.0), (-FINGER_OPEN_M, 0.0)), strict=True))
+    model, drawn = (_prepare(xml, parts, physics, joints, visuals=visuals) for visuals in (False, True))
+    return Scene(model, drawn, joints, home, physics, fingers)
+
+
+def variant(scene: Scene, edit: Callable[[mujoco.MjModel], None]) -> Scene:
+    """The same scene with numbers of its models changed in place (sizes, masses, friction), without compiling again."""
+    models = []
+    for model in (scene.model, scene.drawn):
+        changed = copy.copy(model)
+        edit(changed)
+        mujoco.mj_setConst(changed, mujoco.MjData(changed))
+        models.append(changed)
+    return dataclasses.replace(scene, model=models[0], drawn=models[1])
+
+
+def _prepare(xml: str, parts: Parts, physics: Physics, joints: tuple[str, ...], *, visuals: bool) -> mujoco.MjModel:
+    spec = mujoco.MjSpec.from_string(xml)
+    for body in [body for body in spec.bodies if body.mocap]:
+        spec.delete(body)
+    for actuator in [actuator for actuator in spec.actuators if actuator.name not in FINGER_ACTUATORS]:
+        spec.delete(actuator)
+    for sensor in [sensor for sensor in spec.sensors if sensor.name != WRIST_FORCE]:
+        spec.delete(sensor)
+    for body in spec.bodies:
+        if body.name.startswith(("robot0_", "gripper0_")):
+            body.gravcomp = 1.0
+    for joint in spec.joints:
+        if joint.name in joints:
+            joint.damping = [physics.joint_damping, 0.0, 0.0]
+    if parts.edit is not None:
+        parts.edit(spec)
+    add_impedance(spec, Impedance(GRIP_SITE, physics.damping_linear, physics.damping_angular))
+    for name in parts.furniture:
+        body = spec.body(name)
+        if body is None:
+            names = ", ".join(body.name for body in spec.worldbody.bodies)
+            raise ConfigError(f"scene: no body '{name}' to stand as furniture; bodies: {names}")
+        body.mocap = True
+    _sense(spec, parts)
+    if not visuals:
+        for geom in [geom for geom in spec.geoms if geom.contype == 0 and geom.conaffinity == 0]:
+            spec.delete(geom)
+    spec.option.timestep = physics.timestep_s
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    return spec.compile()
+
+
+def _sense(spec: mujoco.MjSpec, parts: Parts) -> None:
+    poses = {"grip": (mujoco.mjtObj.mjOBJ_SITE, GRIP_SITE)}
+    poses |= {
+        name: (mujoco.mjtObj.mjOBJ_BODY if spec.body(on) is not None else mujoco.mjtObj.mjOBJ_SITE, on)
+        for name, on in parts.tracked.items()
+    }
+    for name, (kind, on) in poses.items():
+        spec.add_sensor(name=f"{name}_pos", type=mujoco.mjtSensor.mjSENS_FRAMEPOS, objtype=kind, objname=on)
+        spec.add_sensor(name=f"{name}_quat", type=mujoco.mjtSensor.mjSENS_FRAMEQUAT, objtype=kind, objname=on)

@@ -1,0 +1,85 @@
+"""Open-loop options: a few waypoints fixed at the start from what is observed then (thesis, section 4.4).
+
+Axis letters: N rows, W waypoints.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from p2l.records import Array, BoolArray, IntArray
+from p2l.skills import poses
+from p2l.skills.option import Decision
+from p2l.worlds.observation import Observation, Privileged
+from p2l.worlds.world import Command
+
+
+@dataclass(frozen=True)
+class Waypoints:
+    """A motion of N rows through W waypoints, world frame.
+
+    Attributes:
+        pos: [N, W, 3] m.
+        quat: [N, W, 4] (w, x, y, z).
+        grip: [N, W] 0 = open, 1 = closed, held from the end of the leg before until the end of this one.
+    """
+
+    pos: Array
+    quat: Array
+    grip: Array
+
+
+@dataclass(frozen=True)
+class Follow:
+    """An option that goes from the present target through waypoints, each leg in a fixed number of control steps.
+
+    Attributes:
+        name: of the option.
+        plan: waypoints from the observation at the start.
+        legs: control steps of each leg, W numbers.
+        settle: control steps of each leg, of its `legs`, that the target stands still at the end.
+        ready: the hand-written precondition.
+    """
+
+    name: str
+    plan: Callable[[Observation], Waypoints]
+    legs: tuple[int, ...]
+    settle: tuple[int, ...]
+    ready: Callable[[Privileged], BoolArray]
+
+    @property
+    def memory_size(self) -> int:
+        """The start pose and W waypoints of 8 numbers."""
+        return 8 * (len(self.legs) + 1)
+
+    @property
+    def max_steps(self) -> int:
+        """The sum of the legs."""
+        return sum(self.legs)
+
+    def precondition(self, truth: Privileged) -> BoolArray:
+        """As written by hand."""
+        return self.ready(truth)
+
+    def begin(self, seen: Observation) -> Array:
+        """The plan, after the present target."""
+        way = self.plan(seen)
+        start = np.concatenate([seen["target_pos_m"], seen["target_quat"], np.zeros((len(seen), 1))], axis=1)
+        points = np.concatenate([way.pos, way.quat, way.grip[..., None]], axis=2)
+        return np.concatenate([start[:, None], points], axis=1).reshape(len(seen), -1)
+
+    def decide(self, seen: Observation, memory: Array, step: IntArray) -> Decision:
+        """The pose on the present leg at the end of the next control step."""
+        points = memory.reshape(len(seen), len(self.legs) + 1, 8)
+        ends = np.cumsum(self.legs)
+        leg = np.minimum(np.searchsorted(ends, step, side="right"), len(ends) - 1)
+        moving = np.maximum(np.asarray(self.legs) - np.asarray(self.settle), 1)
+        rows = np.arange(len(seen))
+        fraction = np.clip((step - (ends - self.legs)[leg] + 1) / moving[leg], 0.0, 1.0)
+        before, after = points[rows, leg], points[rows, leg + 1]
+        pos = before[:, :3] + fraction[:, None] * (after[:, :3] - before[:, :3])
+        quat = poses.between(before[:, 3:7], after[:, 3:7], fraction)
+        return Decision(Command(pos, quat, after[:, 7]), memory, step >= ends[-1])

@@ -1,0 +1,1 @@
+"""Nominal skills, one file for each world."""

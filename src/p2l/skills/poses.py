@@ -1,0 +1,40 @@
+"""Poses as arrays: quaternions (w, x, y, z), rotations applied row by row, motions between waypoints.
+
+Rotation algebra is scipy's; this module only fixes the order of the components and the shapes.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+from scipy.spatial.transform import Rotation
+
+from p2l.records import Array
+
+
+def rotation(quat: Array) -> Rotation:
+    """Rotations of quaternions [..., 4]."""
+    return Rotation.from_quat(quat, scalar_first=True)
+
+
+def quat(rot: Rotation) -> Array:
+    """[..., 4] of rotations, w ≥ 0."""
+    return np.asarray(rot.as_quat(canonical=True, scalar_first=True))
+
+
+def about(axis: npt.ArrayLike, angle_rad: npt.ArrayLike) -> Rotation:
+    """Rotations about one axis [3] (unit) or an axis each [N, 3], by angles [N] or one angle."""
+    return Rotation.from_rotvec(np.atleast_1d(angle_rad)[..., None] * np.asarray(axis, dtype=np.float64))
+
+
+def frame(x_axis: Array, z_axis: Array) -> Array:
+    """[N, 4] orientation of frames with these axes [N, 3], orthonormal to start with."""
+    columns = np.stack([x_axis, np.cross(z_axis, x_axis), z_axis], axis=-1)
+    return quat(Rotation.from_matrix(columns))
+
+
+def between(start: Array, end: Array, fraction: Array) -> Array:
+    """[N, 4] on the shorter way from `start` to `end` [N, 4]; `fraction` [N] of it."""
+    first = rotation(start)
+    way = (first.inv() * rotation(end)).as_rotvec()
+    return quat(first * Rotation.from_rotvec(way * fraction[:, None]))

@@ -1,0 +1,156 @@
+"""Many executions at once, each at its own option and its own step: nobody waits for anybody.
+
+The runner has slots. A slot holds one row, the option that drives it and that option's memory; one call to `advance`
+carries every busy slot through one control step in a single batch of the engine, and tells which slots need a new
+decision. What comes next is the caller's: a chain of nominal options, a recovery, a primitive action, or another
+episode in the same slot.
+
+Axis letters: B slots, K events.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from p2l.errors import ConfigError
+from p2l.records import BoolArray, IntArray
+from p2l.skills.option import Option
+from p2l.worlds.world import NO_FAILURE, Command, Rows, World, advance
+
+
+class Reason(IntEnum):
+    """Why a slot needs a decision."""
+
+    ENDED = 0  # the option says it is done
+    TIMEOUT = 1  # it has run for its maximal number of control steps
+    FAILED = 2  # a failure detector fired
+    DIVERGED = 3  # the simulation of this row broke down
+
+
+@dataclass(frozen=True)
+class Events:
+    """What happened during one control step.
+
+    Attributes:
+        slot: [K] which slots, ascending.
+        reason: [K] values of `Reason`.
+        kind: [K] kind of failure, `NO_FAILURE` where none.
+    """
+
+    slot: IntArray
+    reason: IntArray
+    kind: IntArray
+
+
+class Runner:
+    """Slots of executions that share an engine.
+
+    Args:
+        world: where they happen.
+        options: what may drive a slot; an option is named by its index here.
+        slots: B; from 32 on the engine's threads are busy.
+        stop_on_failure: whether a detector's first flag ends the option (thesis, section 5.3.1) or is only noted.
+    """
+
+    def __init__(self, world: World, options: Sequence[Option], slots: int, *, stop_on_failure: bool = True) -> None:
+        if slots < 1 or not options:
+            raise ConfigError(f"runner: needs a slot and an option, got {slots} slots and {len(options)} options")
+        self.world, self.options, self.stop_on_failure = world, tuple(options), stop_on_failure
+        self.busy = np.zeros(slots, dtype=np.bool_)
+        self.option = np.zeros(slots, dtype=np.int64)
+        self.step = np.zeros(slots, dtype=np.int64)
+        self.steps_total = np.zeros(slots, dtype=np.int64)
+        self.path_m = np.zeros(slots)
+        self.kind = np.full(slots, NO_FAILURE, dtype=np.int64)
+        self.kind_step = np.zeros(slots, dtype=np.int64)
+        self._memory = np.zeros((slots, max(option.memory_size for option in self.options)))
+        self._rows: Rows | None = None
+        self._grip = world.engine.sensor_columns["grip_pos"]
+
+    @property
+    def rows(self) -> Rows:
+        """The rows of all slots; a slot that was never filled holds a copy of the first row given."""
+        if self._rows is None:
+            raise ConfigError("runner: no slot has been filled; call start first")
+        return self._rows
+
+    def start(self, slots: IntArray, rows: Rows, option: IntArray) -> None:
+        """A new episode in each of `slots` [K], from `rows` [K] with `option` [K]; counters start at 0."""
+        if self._rows is None:
+            self._rows = rows.take(np.zeros(len(self.busy), dtype=np.int64))
+        self.rows.put(slots, rows)
+        self.steps_total[slots] = 0
+        self.path_m[slots] = 0.0
+        self.begin(slots, option)
+
+    def begin(self, slots: IntArray, option: IntArray) -> None:
+        """The next `option` [K] of the episodes in `slots` [K]; forgets the flags of the option before."""
+        self.busy[slots] = True
+        self.option[slots] = option
+        self.step[slots] = 0
+        self.kind[slots] = NO_FAILURE
+        for index in np.unique(option):
+            chosen = slots[option == index]
+            memory = self.options[index].begin(self.world.observe(self.rows.take(chosen)))
+            self._memory[chosen, : memory.shape[1]] = memory
+
+    def stop(self, slots: IntArray) -> None:
+        """Free `slots` [K]."""
+        self.busy[slots] = False
+
+    def advance(self) -> Events:
+        """One control step of every busy slot; the slots of the events returned wait for `begin`, `start` or `stop`."""
+        live = np.flatnonzero(self.busy)
+        command, done = self._decide(live)
+        late = ~done & (self.step[live] >= self._limits()[self.option[live]])
+        reason = np.full(len(live), -1, dtype=np.int64)
+        reason[done], reason[late] = Reason.ENDED, Reason.TIMEOUT
+        moving = np.flatnonzero(~(done | late))
+        if len(moving):
+            part = Command(command.pos[moving], command.quat[moving], command.grip[moving])
+            reason[moving] = self._move(live[moving], part)
+        told = np.flatnonzero(reason >= 0)
+        slots = live[told]
+        self.busy[slots] = False
+        self.rows.actions[slots] += 1
+        return Events(slots, reason[told], self.kind[slots].copy())
+
+    def _decide(self, live: IntArray) -> tuple[Command, BoolArray]:
+        seen = self.world.observe(self.rows.take(live))
+        pos, quat, grip = np.empty((len(live), 3)), np.empty((len(live), 4)), np.empty(len(live))
+        done = np.zeros(len(live), dtype=np.bool_)
+        for index in np.unique(self.option[live]):
+            option = self.options[index]
+            where = np.flatnonzero(self.option[live] == index)
+            slots, size = live[where], option.memory_size
+            decision = option.decide(seen.take(where), self._memory[slots, :size], self.step[slots])
+            self._memory[slots, :size] = decision.memory
+            pos[where], quat[where] = decision.command.pos, decision.command.quat
+            grip[where], done[where] = decision.command.grip, decision.done
+        return Command(pos, quat, grip), done
+
+    def _move(self, slots: IntArray, command: Command) -> IntArray:
+        """Carry `slots` through one control step; why each stops, or −1."""
+        before = self.rows.take(slots)
+        after, kind, diverged = advance(self.world, before, command)
+        kept = np.flatnonzero(~diverged)
+        self.rows.put(slots[kept], after.take(kept))  # a diverged row keeps its last sound moment
+        self.step[slots] += 1
+        self.steps_total[slots] += 1
+        way = after.sensors[kept, self._grip] - before.sensors[kept, self._grip]
+        self.path_m[slots[kept]] += np.linalg.norm(way, axis=1)
+        first = (kind != NO_FAILURE) & (self.kind[slots] == NO_FAILURE) & ~diverged
+        self.kind[slots[first]] = kind[first]
+        self.kind_step[slots[first]] = self.steps_total[slots[first]]
+        reason = np.full(len(slots), -1, dtype=np.int64)
+        if self.stop_on_failure:
+            reason[first] = Reason.FAILED
+        reason[diverged] = Reason.DIVERGED
+        return reason
+
+    def _limits(self) -> IntArray:
+        return np.array([option.max_steps for option in self.options], dtype=np.int64)

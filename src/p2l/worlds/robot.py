@@ -1,0 +1,159 @@
+"""What every world with an arm shares: rows out of postures, named readings, control; a world states only its physics.
+
+A world subclasses `RobotWorld` and gives `sample`, `_truth`, `_seen`, `monitor` and `goal`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+
+from p2l.artifacts import config_hash
+from p2l.errors import ConfigError
+from p2l.records import Array, BoolArray, IntArray
+from p2l.sim.batch import Chunk, Engine
+from p2l.sim.scene import Scene
+from p2l.worlds.estimator import Estimator
+from p2l.worlds.observation import Observation, Privileged
+from p2l.worlds.world import Command, Rows
+
+ROW_VERSION = 1  # raise when the meaning of a saved row changes
+Fields = Mapping[str, npt.NDArray[np.generic]]
+
+
+class RobotWorld:
+    """The algebra of a world; see `worlds.world.World` for the contract.
+
+    Args:
+        name: the registered name.
+        params: what the world was made with; part of its digest.
+        scenes: interchangeable scenes, one for each model of the engine.
+        estimator: how estimates err.
+        control_period_s: duration of a control step.
+        nthread: simulator threads.
+    """
+
+    failure_kinds: tuple[str, ...] = ()
+    memory_size: int = 0
+
+    def __init__(
+        self,
+        name: str,
+        params: Mapping[str, Any],
+        scenes: Sequence[Scene],
+        estimator: Estimator,
+        *,
+        control_period_s: float = 0.05,
+        nthread: int = 2,
+    ) -> None:
+        self.name, self.scenes, self.estimator = name, tuple(scenes), estimator
+        self.engine = Engine([scene.model for scene in scenes], control_period_s=control_period_s, nthread=nthread)
+        first = scenes[0]
+        joints = [first.model.joint(i).name for i in range(first.model.njnt)]
+        self.digest = config_hash(
+            [ROW_VERSION, name, dict(params), joints, list(self.engine.sensor_columns), list(self.engine.furniture)]
+        )
+        self._fingers = {self.engine.control_names.index(act): ends for act, ends in first.fingers.items()}
+        self._columns: dict[str, int] = {j: 1 + int(first.model.joint(j).qposadr[0]) for j in joints}
+        self._arm = [self._columns[name] for name in first.arm_joints]
+
+    def drawn(self, model: int) -> mujoco.MjModel:
+        """The twin with visuals."""
+        return self.scenes[model].drawn
+
+    def control(self, command: Command) -> Array:
+        """[N, U]: the scene's stiffnesses, and the fingers between open and closed."""
+        physics = self.scenes[0].physics
+        control = self.engine.stiffness(len(command.grip), physics.stiffness_linear, physics.stiffness_angular)
+        for column, (opened, closed) in self._fingers.items():
+            control[:, column] = opened + command.grip * (closed - opened)
+        return control
+
+    def privileged(self, rows: Rows) -> Privileged:
+        """The truth."""
+        return Privileged.of(self._truth(rows))
+
+    def observe(self, rows: Rows) -> Observation:
+        """What the robot sees."""
+        error = self.estimator.error(rows.noise, rows.actions)
+        return Observation.of(self._seen(rows, error))
+
+    def _truth(self, rows: Rows) -> Fields:
+        raise NotImplementedError
+
+    def _seen(self, rows: Rows, error: Array) -> Fields:
+        raise NotImplementedError
+
+    def monitor(self, before: Rows, after: Rows, chunk: Chunk, command: Command) -> tuple[IntArray, Array]:
+        """The detectors."""
+        raise NotImplementedError
+
+    def goal(self, rows: Rows) -> BoolArray:
+        """Whether the task is done."""
+        raise NotImplementedError
+
+    def rows(
+        self,
+        qpos: Array,
+        noise: Array,
+        *,
+        model: IntArray | None = None,
+        furniture: Mapping[str, Array] | None = None,
+        memory: Array | None = None,
+    ) -> Rows:
+        """Rows at rest, the impedance target at the grip site, fingers as `qpos` has them.
+
+        Args:
+            qpos: [N, nq] joint positions in the model's order.
+            noise: [N, K, E] of the estimator.
+            model: [N] model of each row; 0 without it.
+            furniture: poses [N, 7] by body name.
+            memory: [N, M]; zeros without it.
+        """
+        count = len(qpos)
+        index = np.zeros(count, dtype=np.int64) if model is None else np.asarray(model, dtype=np.int64)
+        down = np.tile([0.0, 1.0, 0.0, 0.0], (count, 1))
+        states = self.engine.states_from(qpos, np.zeros((count, 3)), down, furniture)
+        control = np.zeros((count, len(self.engine.control_names)))
+        place = self.engine.physics_size
+        sensed = self.engine.sense(states, control, index)
+        states[:, place : place + 3] = sensed[:, self.engine.sensor_columns["grip_pos"]]
+        states[:, place + 3 : place + 7] = sensed[:, self.engine.sensor_columns["grip_quat"]]
+        kept = np.zeros((count, self.memory_size)) if memory is None else memory
+        return Rows(states, sensed, index, noise, np.zeros(count, dtype=np.int64), kept)
+
+    def read(self, rows: Rows, sensor: str) -> Array:
+        """[N, d] last values of a sensor, e.g. `grip_pos` (world frame, m).
+
+        Raises:
+            ConfigError: no such sensor.
+        """
+        if sensor not in self.engine.sensor_columns:
+            raise ConfigError(f"{self.name}: no sensor '{sensor}'; sensors: {', '.join(self.engine.sensor_columns)}")
+        return rows.sensors[:, self.engine.sensor_columns[sensor]]
+
+    def joint(self, rows: Rows, name: str) -> Array:
+        """[N] position of a hinge or slide joint, rad or m."""
+        return rows.states[:, self._columns[name]]
+
+    def arm(self, rows: Rows) -> Array:
+        """[N, J] joint angles of the arm, rad."""
+        return rows.states[:, self._arm]
+
+    def furniture(self, rows: Rows, name: str) -> Array:
+        """[N, 7] pose of a piece of furniture, world frame: position in m, quaternion (w, x, y, z)."""
+        start = self.engine.physics_size + 7 * (1 + self.engine.furniture.index(name))
+        return rows.states[:, start : start + 7]
+
+    def gap_m(self, rows: Rows) -> Array:
+        """[N] opening between the fingers, m."""
+        names = [name for name in self._columns if "finger_joint" in name]
+        return np.asarray(sum((np.abs(self.joint(rows, name)) for name in names), start=np.zeros(len(rows))))
+
+    def peak_force_n(self, chunk: Chunk, sensor: str) -> Array:
+        """[N] largest norm of a force sensor during a control step, N."""
+        return np.asarray(np.linalg.norm(self.engine.sensor(chunk, sensor), axis=2).max(axis=1))
