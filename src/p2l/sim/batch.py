@@ -1,9 +1,9 @@
 """The batched engine: N states advance together through `mujoco.rollout`, one control step at a time.
 
 State in, state out: a row of `states` holds everything that decides its future (the full physics state, the pose of
-the impedance target and the poses of the furniture), so restoring a moment is handing its row back. Every call covers exactly one control
-step because `rollout` starts each call with a cold solver; with that rule any way to cut an episode gives the same
-trace to the bit, alone or in a batch, on any number of threads.
+the impedance target and the poses of the furniture), so restoring a moment is handing its row back. Every call covers
+exactly one control step because `rollout` starts each call with a cold solver; with that rule any way to cut an
+episode gives the same trace to the bit, alone or in a batch, on any number of threads.
 
 Axis letters: N rows, S state columns, T physics steps in a control step, U controls, D sensor values.
 A row of `states`: full physics state, impedance target (position 3, quaternion 4), then 7 for each piece of furniture

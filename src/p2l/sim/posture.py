@@ -39,7 +39,8 @@ def reach(
         quat_world: [4] (w, x, y, z).
         starts: postures [J] to try beside the arm's home; the first that leads there is returned at once.
         restarts: further starts, spread evenly over the joints' ranges.
-        tolerance_m, tolerance_rad: what counts as reached.
+        tolerance_m: what counts as reached.
+        tolerance_rad: the same for the orientation.
     """
     task = mink.FrameTask(GRIP_SITE, "site", position_cost=1.0, orientation_cost=0.3, lm_damping=1e-3)
     task.set_target(mink.SE3.from_rotation_and_translation(mink.SO3(np.asarray(quat_world)), np.asarray(pos_world)))

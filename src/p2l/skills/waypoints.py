@@ -70,7 +70,7 @@ def execute(
     moving = max(1, timing.control_steps - timing.settle_steps)
     position = engine.target_pos(states)
     low, high = np.log10(timing.stiffness_bounds)
-    chunk = Chunk(states, np.zeros((len(states), 0, 0)))
+    chunk = Chunk(states, np.zeros((len(states), 0, 0)), np.zeros(len(states), dtype=np.bool_))
     for waypoint in range(skills.shape[1]):
         goal = position + skills[:, waypoint, :3]
         linear = 10.0 ** np.clip(skills[:, waypoint, 3], low, high)

@@ -74,7 +74,7 @@ class Observation(_Named):
 
     @classmethod
     def stack(cls, history: Sequence[Observation]) -> Observation:
-        """The newest observation first, then older ones as fields `<name>@-1`, `<name>@-2`, …
+        """The newest observation first, then older ones as fields `<name>@-1`, `<name>@-2` and so on.
 
         Args:
             history: oldest last; all of the same fields.
