@@ -11,9 +11,9 @@ from p2l.evaluation.statistics import wilson_interval
 from p2l.evaluation.strategy_figures import strategy_figure
 from p2l.preconditions.collection import collect
 from p2l.records import Array
+from p2l.registry import get_domain
 from p2l.schema import CollectConfig
 from p2l.tracking import Tracker
-from p2l.worlds.registry import get_domain
 from stages._progress import bar
 from stages._stage import stage
 

@@ -11,11 +11,11 @@ from p2l.artifacts import config_hash, load_table, save_table
 from p2l.errors import ArtifactError
 from p2l.evaluation.team_metrics import summarise
 from p2l.ledger import code_digest
+from p2l.registry import get_domain
 from p2l.schema import EvaluateTeamConfig
 from p2l.team.execute import recorded_rows, recorded_truth, true_plans
 from p2l.team.study import make_block
 from p2l.tracking import Tracker
-from p2l.worlds.registry import get_domain
 from stages._progress import bar
 from stages._stage import stage
 

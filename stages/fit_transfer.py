@@ -13,10 +13,10 @@ from p2l.evaluation.figures import reliability_diagram
 from p2l.evaluation.transfer_fit import calibration_table, judge, records, score_table
 from p2l.preconditions.fitting import FitOptions, fit, split_tasks
 from p2l.records import TransferData
+from p2l.registry import get_domain
 from p2l.schema import FitTransferConfig
 from p2l.seeding import generator, torch_seed
 from p2l.tracking import Tracker
-from p2l.worlds.registry import get_domain
 from stages._stage import stage
 
 

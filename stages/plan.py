@@ -47,10 +47,10 @@ def _own_tasks(cfg: PlanConfig, tasks: Path, transfer: Path, out: Path, track: T
 
 def _study_sets(cfg: PlanConfig, out: Path, track: Tracker) -> None:
     from p2l.preconditions.transfer import load_transfer_model
+    from p2l.registry import get_domain
     from p2l.team.execute import predicted_plans
     from p2l.team.study import make_block, tune_theta
     from p2l.worlds.domain import Tasks
-    from p2l.worlds.registry import get_domain
 
     domain, study = get_domain(cfg.domain.name, cfg.domain.params), cfg.study.study()
     model = load_transfer_model(cfg.transfer_model, feature_names=domain.feature_names, encoding=domain.encoding)

@@ -19,8 +19,8 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationErr
 
 from p2l.artifacts import config_hash
 from p2l.errors import ConfigError
+from p2l.registry import known_domains
 from p2l.team.study import Regime, Study
-from p2l.worlds.registry import known_domains
 
 Count = Annotated[int, Field(ge=1)]
 Positive = Annotated[float, Field(gt=0)]

@@ -4,9 +4,9 @@ import pytest
 
 from p2l.errors import ConfigError
 from p2l.ledger import Item, find, write
+from p2l.registry import get_domain
 from p2l.team.execute import Truth, execute_plans, predicted_plans, recorded_rows, recorded_truth, true_plans
 from p2l.team.study import Regime, Study, make_block, make_problem, task_sets, tune_theta
-from p2l.worlds.registry import get_domain
 
 HIGH = Regime("high", 10.0, 100.0, 100.0, 200.0, (0, 2))
 STUDY = Study((HIGH,), sets=4, set_size=5, blocks=2, pool=8, pretrained_pool=3, draws=2, tuning_sets=3, theta=0.5)

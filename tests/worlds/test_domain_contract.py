@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
+from p2l import registry
 from p2l.errors import ConfigError, ShapeError
 from p2l.evaluation.strategy_figures import strategy_figure
-from p2l.worlds import registry
 from p2l.worlds.domain import Domain, Tasks
 
 # Budgets that keep a domain's contract test short; a domain without an entry runs with its defaults.
@@ -82,7 +82,7 @@ def test_unknown_names_and_parameters_are_refused():
 
 
 def test_lego_does_not_load_the_physics_engine():
-    code = "import sys; from p2l.worlds.registry import get_domain; get_domain('lego'); print('mujoco' in sys.modules)"
+    code = "import sys; from p2l.registry import get_domain; get_domain('lego'); print('mujoco' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"
 

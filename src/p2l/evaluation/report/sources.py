@@ -13,8 +13,8 @@ from p2l.artifacts import load_arrays, load_json, load_table
 from p2l.errors import ArtifactError
 from p2l.evaluation.thesis import Thesis, load_thesis
 from p2l.records import TransferData
+from p2l.registry import get_domain
 from p2l.worlds.domain import Domain
-from p2l.worlds.registry import get_domain
 
 if TYPE_CHECKING:
     from p2l.preconditions.transfer import TransferModel

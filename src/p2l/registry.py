@@ -1,7 +1,7 @@
 """The one list of domains (chapter 3) and of manipulation worlds (chapters 4 and 5).
 
 A new one adds one line here and the contract tests cover it. Factories are named, not imported: a stage loads only
-the world that it works on, and this list sits below what it lists.
+the world that it works on.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 
 from p2l.errors import ConfigError
 from p2l.worlds.domain import Domain
-from p2l.worlds.world import World
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # a stage of chapter 3 does not load the arms
     from p2l.skills.option import Option
+    from p2l.worlds.world import World
 
 _FACTORIES: dict[str, str] = {}
 _WORLDS: dict[str, tuple[str, str]] = {}
