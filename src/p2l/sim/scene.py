@@ -115,8 +115,37 @@ def build(arm: str, parts: Parts, physics: Physics) -> Scene:
     joints = tuple(robot.joints)
     home = np.asarray(robot.init_qpos, dtype=np.float64)
     fingers = dict(zip(FINGER_ACTUATORS, ((FINGER_OPEN_M, 0.0), (-FINGER_OPEN_M, 0.0)), strict=True))
-    model, drawn = (_prepare(xml, parts, physics, joints, visuals=visuals) for visuals in (False, True))
+
+    def spec() -> mujoco.MjSpec:
+        return _robot_spec(xml, parts, physics, joints)
+
+    model, drawn = finish(spec, GRIP_SITE, parts.tracked, parts.furniture, physics)
     return Scene(model, drawn, joints, home, physics, fingers)
+
+
+def finish(
+    spec: Callable[[], mujoco.MjSpec],
+    grip_site: str,
+    tracked: Mapping[str, str],
+    furniture: Sequence[str],
+    physics: Physics,
+) -> tuple[mujoco.MjModel, mujoco.MjModel]:
+    """Put impedance, sensors and furniture into a scene and compile it, without visuals and with them.
+
+    Args:
+        spec: makes the scene; called twice, since a spec is changed by being prepared.
+        grip_site: the site that follows the impedance target; it gets the sensors `grip_pos` and `grip_quat`.
+        tracked: body or site behind each further pair of sensors, by sensor name.
+        furniture: bodies whose pose is part of the state.
+        physics: of the simulation.
+
+    Raises:
+        ConfigError: a body or site that the scene does not have.
+    """
+    return (
+        _compile(spec(), grip_site, tracked, furniture, physics, visuals=False),
+        _compile(spec(), grip_site, tracked, furniture, physics, visuals=True),
+    )
 
 
 def variant(scene: Scene, edit: Callable[[mujoco.MjModel], None]) -> Scene:
@@ -130,7 +159,8 @@ def variant(scene: Scene, edit: Callable[[mujoco.MjModel], None]) -> Scene:
     return dataclasses.replace(scene, model=models[0], drawn=models[1])
 
 
-def _prepare(xml: str, parts: Parts, physics: Physics, joints: tuple[str, ...], *, visuals: bool) -> mujoco.MjModel:
+def _robot_spec(xml: str, parts: Parts, physics: Physics, joints: tuple[str, ...]) -> mujoco.MjSpec:
+    """robosuite's scene without its motors and mocap bodies, the robot weightless."""
     spec = mujoco.MjSpec.from_string(xml)
     for body in [body for body in spec.bodies if body.mocap]:
         spec.delete(body)
@@ -146,14 +176,27 @@ def _prepare(xml: str, parts: Parts, physics: Physics, joints: tuple[str, ...], 
             joint.damping = [physics.joint_damping, 0.0, 0.0]
     if parts.edit is not None:
         parts.edit(spec)
-    add_impedance(spec, Impedance(GRIP_SITE, physics.damping_linear, physics.damping_angular))
-    for name in parts.furniture:
-        body = spec.body(name)
-        if body is None:
-            names = ", ".join(body.name for body in spec.worldbody.bodies)
-            raise ConfigError(f"scene: no body '{name}' to stand as furniture; bodies: {names}")
-        body.mocap = True
-    _sense(spec, parts)
+    return spec
+
+
+def _compile(
+    spec: mujoco.MjSpec,
+    grip_site: str,
+    tracked: Mapping[str, str],
+    furniture: Sequence[str],
+    physics: Physics,
+    *,
+    visuals: bool,
+) -> mujoco.MjModel:
+    add_impedance(spec, Impedance(grip_site, physics.damping_linear, physics.damping_angular))
+    for name in furniture:
+        _body(spec, name).mocap = True
+    for name, on in {"grip": grip_site, **tracked}.items():
+        site = spec.site(on) is not None
+        kind = mujoco.mjtObj.mjOBJ_SITE if site else mujoco.mjtObj.mjOBJ_BODY
+        on_name = on if site else _body(spec, on).name
+        spec.add_sensor(name=f"{name}_pos", type=mujoco.mjtSensor.mjSENS_FRAMEPOS, objtype=kind, objname=on_name)
+        spec.add_sensor(name=f"{name}_quat", type=mujoco.mjtSensor.mjSENS_FRAMEQUAT, objtype=kind, objname=on_name)
     if not visuals:
         for geom in [geom for geom in spec.geoms if geom.contype == 0 and geom.conaffinity == 0]:
             spec.delete(geom)
@@ -162,12 +205,8 @@ def _prepare(xml: str, parts: Parts, physics: Physics, joints: tuple[str, ...], 
     return spec.compile()
 
 
-def _sense(spec: mujoco.MjSpec, parts: Parts) -> None:
-    poses = {"grip": (mujoco.mjtObj.mjOBJ_SITE, GRIP_SITE)}
-    poses |= {
-        name: (mujoco.mjtObj.mjOBJ_BODY if spec.body(on) is not None else mujoco.mjtObj.mjOBJ_SITE, on)
-        for name, on in parts.tracked.items()
-    }
-    for name, (kind, on) in poses.items():
-        spec.add_sensor(name=f"{name}_pos", type=mujoco.mjtSensor.mjSENS_FRAMEPOS, objtype=kind, objname=on)
-        spec.add_sensor(name=f"{name}_quat", type=mujoco.mjtSensor.mjSENS_FRAMEQUAT, objtype=kind, objname=on)
+def _body(spec: mujoco.MjSpec, name: str) -> mujoco.MjsBody:
+    body = spec.body(name)
+    if body is None:
+        raise ConfigError(f"scene: no body '{name}'; bodies: {', '.join(body.name for body in spec.worldbody.bodies)}")
+    return body
