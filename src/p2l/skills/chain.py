@@ -18,6 +18,7 @@ from p2l.worlds.world import Rows, World
 FINISH = -1
 Choose = Callable[["Moments"], IntArray]
 Progress = Callable[[int], None]
+Watch = Callable[[IntArray, IntArray, Rows], None]
 
 
 @dataclass(frozen=True)
@@ -98,6 +99,7 @@ def run(
     stop_on_failure: bool = True,
     slots: int = 64,
     progress: Progress | None = None,
+    watch: Watch | None = None,
 ) -> Execution:
     """Run one episode from every row.
 
@@ -111,6 +113,8 @@ def run(
         stop_on_failure: a detector's flag ends the episode.
         slots: episodes that run at once.
         progress: told the number of episodes finished since the last call.
+        watch: told after every control step which episodes were busy, at which control step each is, and their rows;
+            the end of an option comes at the control step of its last motion.
     """
     count = len(rows)
     following = choose or in_order(options)
@@ -127,7 +131,10 @@ def run(
             episode[slots_new] = new
             runner.start(slots_new, rows.take(new), begin[new])
             waiting += len(new)
+        busy = np.flatnonzero(runner.busy)
         events = runner.advance()
+        if watch is not None:
+            watch(episode[busy], runner.steps_total[busy], runner.rows.take(busy))
         ended = _moments(runner, episode, events.slot, events.reason, events.kind)
         if len(ended):
             kept.append(ended)

@@ -19,7 +19,7 @@ from p2l.sim.batch import Chunk, Engine
 from p2l.sim.scene import Scene
 from p2l.worlds.estimator import Estimator
 from p2l.worlds.observation import Observation, Privileged
-from p2l.worlds.world import Command, Rows
+from p2l.worlds.world import Command, Rows, View
 
 ROW_VERSION = 1  # raise when the meaning of a saved row changes
 Fields = Mapping[str, npt.NDArray[np.generic]]
@@ -39,6 +39,8 @@ class RobotWorld:
 
     failure_kinds: tuple[str, ...] = ()
     memory_size: int = 0
+    mode_fields: tuple[str, ...] = ()
+    view: View = View()
 
     def __init__(
         self,
@@ -54,8 +56,10 @@ class RobotWorld:
         self.engine = Engine([scene.model for scene in scenes], control_period_s=control_period_s, nthread=nthread)
         first = scenes[0]
         joints = [first.model.joint(i).name for i in range(first.model.njnt)]
+        # A row carries unit normals, so it means the same to every estimator and on any number of threads.
+        kept = {key: value for key, value in params.items() if key not in ("estimator", "nthread")}
         self.digest = config_hash(
-            [ROW_VERSION, name, dict(params), joints, list(self.engine.sensor_columns), list(self.engine.furniture)]
+            [ROW_VERSION, name, kept, joints, list(self.engine.sensor_columns), list(self.engine.furniture)]
         )
         self._fingers = {self.engine.control_names.index(act): ends for act, ends in first.fingers.items()}
         self._columns: dict[str, int] = {j: 1 + int(first.model.joint(j).qposadr[0]) for j in joints}

@@ -96,6 +96,23 @@ class Command:
     grip: Array
 
 
+@dataclass(frozen=True)
+class View:
+    """Where the camera of a video stands.
+
+    Attributes:
+        azimuth_deg: direction it looks in, from the world's x axis to its y axis.
+        elevation_deg: negative looks down.
+        distance_m: from the point it looks at.
+        lookat_m: that point, world frame; None follows what the hand does.
+    """
+
+    azimuth_deg: float = 130.0
+    elevation_deg: float = -25.0
+    distance_m: float = 1.0
+    lookat_m: tuple[float, float, float] | None = None
+
+
 @runtime_checkable
 class World(Protocol):
     """A distribution of start states, a physics, what is seen of it, and when it has failed or is done."""
@@ -119,6 +136,17 @@ class World(Protocol):
     @property
     def failure_kinds(self) -> tuple[str, ...]:
         """Names of what the detectors can say; a kind is an index into them, `NO_FAILURE` (−1) means none."""
+
+    @property
+    def mode_fields(self) -> tuple[str, ...]:
+        """What tells failures apart: fields of `privileged`, or differences of two, e.g. `grip_pos_m - handle_pos_m`.
+
+        Empty stands for the hand relative to everything that has a position, and every field of one column.
+        """
+
+    @property
+    def view(self) -> View:
+        """Where a video is taken from."""
 
     def sample(self, rng: np.random.Generator, n: int) -> Rows:
         """N start states."""
