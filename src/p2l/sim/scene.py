@@ -21,12 +21,13 @@ from p2l.errors import ConfigError
 from p2l.records import Array
 from p2l.sim.model import Impedance, add_impedance
 
-logging.getLogger("robosuite_logs").setLevel(logging.ERROR)
-
-from robosuite.models.bases import robot_base_factory  # noqa: E402 (it logs while it is imported)
+logging.disable(logging.WARNING)  # robosuite tells of optional packages when it is imported
+from robosuite.models.bases import robot_base_factory  # noqa: E402
 from robosuite.models.grippers import gripper_factory  # noqa: E402
 from robosuite.models.robots import create_robot  # noqa: E402
 from robosuite.models.tasks import ManipulationTask  # noqa: E402
+
+logging.disable(logging.NOTSET)
 
 ARMS = ("Panda", "UR5e", "IIWA", "Kinova3", "Sawyer", "XArm7")
 GRIP_SITE = "gripper0_right_grip_site"
@@ -51,8 +52,8 @@ class Physics:
     timestep_s: float = 0.002
     stiffness_linear: float = 600.0
     stiffness_angular: float = 40.0
-    damping_linear: float = 60.0
-    damping_angular: float = 4.0
+    damping_linear: float = 160.0
+    damping_angular: float = 8.0
     joint_damping: float = 1.0
 
 
@@ -160,7 +161,7 @@ def variant(scene: Scene, edit: Callable[[mujoco.MjModel], None]) -> Scene:
 
 
 def _robot_spec(xml: str, parts: Parts, physics: Physics, joints: tuple[str, ...]) -> mujoco.MjSpec:
-    """robosuite's scene without its motors and mocap bodies, the robot weightless."""
+    """The scene of robosuite without its motors and mocap bodies, the robot weightless."""
     spec = mujoco.MjSpec.from_string(xml)
     for body in [body for body in spec.bodies if body.mocap]:
         spec.delete(body)
