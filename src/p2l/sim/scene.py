@@ -4,6 +4,11 @@ robosuite composes the scene; its torque motors, its mocap bodies and every visu
 engine needs enters: gravity compensation of the robot, the impedance of `sim.model`, named sensors, and furniture
 whose pose is part of a row's state (a mocap body), so that each row has its own door pose or shelf height without a
 second model.
+
+Deviations from robosuite's physics, each because it costs time on every step and decides nothing here:
+1. No air (robosuite: density 1.2 kg/m³); its forces and their derivatives take a third of a step.
+2. The arm's links touch the world but not one another or the robot's mount; nominal motions keep them apart, and
+   testing neighbouring meshes takes another third.
 """
 
 from __future__ import annotations
@@ -35,7 +40,7 @@ WRIST_FORCE = "gripper0_right_force_ee"
 FINGERS = ("gripper0_right_finger_joint1", "gripper0_right_finger_joint2")
 FINGER_ACTUATORS = ("gripper0_right_gripper_finger_joint1", "gripper0_right_gripper_finger_joint2")
 FINGER_OPEN_M = 0.04
-VISUAL_GROUP = 1
+HAND = ("gripper0_right_hand_collision",)
 
 
 @dataclass(frozen=True)
@@ -151,13 +156,15 @@ def finish(
 
 def variant(scene: Scene, edit: Callable[[mujoco.MjModel], None]) -> Scene:
     """The same scene with numbers of its models changed in place (sizes, masses, friction), without compiling again."""
-    models = []
-    for model in (scene.model, scene.drawn):
-        changed = copy.copy(model)
-        edit(changed)
-        mujoco.mj_setConst(changed, mujoco.MjData(changed))
-        models.append(changed)
-    return dataclasses.replace(scene, model=models[0], drawn=models[1])
+    return dataclasses.replace(scene, model=edited(scene.model, edit), drawn=edited(scene.drawn, edit))
+
+
+def edited(model: mujoco.MjModel, edit: Callable[[mujoco.MjModel], None]) -> mujoco.MjModel:
+    """A copy of a compiled model with numbers changed in place; what MuJoCo derives from masses follows."""
+    changed = copy.copy(model)
+    edit(changed)
+    mujoco.mj_setConst(changed, mujoco.MjData(changed))
+    return changed
 
 
 def _robot_spec(xml: str, parts: Parts, physics: Physics, joints: tuple[str, ...]) -> mujoco.MjSpec:
@@ -175,6 +182,10 @@ def _robot_spec(xml: str, parts: Parts, physics: Physics, joints: tuple[str, ...
     for joint in spec.joints:
         if joint.name in joints:
             joint.damping = [physics.joint_damping, 0.0, 0.0]
+    for geom in spec.geoms:
+        if geom.parent.name.startswith(("robot0_", "fixed_mount0_")) or geom.name in HAND:
+            geom.contype = 0
+    spec.option.density = spec.option.viscosity = 0.0
     if parts.edit is not None:
         parts.edit(spec)
     return spec
@@ -201,9 +212,19 @@ def _compile(
     if not visuals:
         for geom in [geom for geom in spec.geoms if geom.contype == 0 and geom.conaffinity == 0]:
             spec.delete(geom)
+        _drop_unseen(spec)
     spec.option.timestep = physics.timestep_s
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     return spec.compile()
+
+
+def _drop_unseen(spec: mujoco.MjSpec) -> None:
+    """Delete the meshes, materials and textures that nothing collides with: 60 MB become 3, and copies are cheap."""
+    used = {geom.meshname for geom in spec.geoms}
+    for geom in spec.geoms:
+        geom.material = ""
+    for part in [*(mesh for mesh in spec.meshes if mesh.name not in used), *spec.materials, *spec.textures]:
+        spec.delete(part)
 
 
 def _body(spec: mujoco.MjSpec, name: str) -> mujoco.MjsBody:
