@@ -34,7 +34,16 @@ def frame(x_axis: Array, z_axis: Array) -> Array:
 
 
 def between(start: Array, end: Array, fraction: Array) -> Array:
-    """[N, 4] on the shorter way from `start` to `end` [N, 4]; `fraction` [N] of it."""
-    first = rotation(start)
-    way = (first.inv() * rotation(end)).as_rotvec()
-    return quat(first * Rotation.from_rotvec(way * fraction[:, None]))
+    """[N, 4] on the shorter way from `start` to `end` [N, 4]; `fraction` [N] of it.
+
+    Spherical interpolation in place of scipy's `Slerp`, which takes one pair at a time; it runs at every control step.
+    """
+    dot = (start * end).sum(axis=1)
+    angle = np.arccos(np.clip(np.abs(dot), 0.0, 1.0))
+    sine = np.sin(angle)
+    near = sine < 1e-6
+    safe = np.where(near, 1.0, sine)
+    first = np.where(near, 1.0 - fraction, np.sin((1.0 - fraction) * angle) / safe)
+    second = np.where(near, fraction, np.sin(fraction * angle) / safe) * np.where(dot < 0.0, -1.0, 1.0)
+    mixed = first[:, None] * start + second[:, None] * end
+    return np.asarray(mixed / np.linalg.norm(mixed, axis=1, keepdims=True))

@@ -1,0 +1,38 @@
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation, Slerp
+
+from p2l.skills import poses
+
+
+def quats(seed, n=5):
+    return poses.quat(Rotation.random(n, np.random.default_rng(seed)))
+
+
+@given(st.integers(0, 10_000), st.floats(0.0, 1.0))
+def test_between_is_scipys_slerp(seed, fraction):
+    start, end = quats(seed), -quats(seed + 1)
+    mine = poses.rotation(poses.between(start, end, np.full(5, fraction)))
+    for row in range(5):
+        pair = poses.rotation(np.stack([start[row], end[row]]))
+        theirs = Slerp([0.0, 1.0], pair)(fraction)
+        assert (mine[row].inv() * theirs).magnitude() < 1e-6
+
+
+def test_between_equal_poses_stays():
+    start = quats(0)
+    np.testing.assert_allclose(poses.between(start, start, np.full(5, 0.3)), start, atol=1e-12)
+    np.testing.assert_allclose(np.abs(poses.between(start, -start, np.full(5, 0.3))), np.abs(start), atol=1e-9)
+
+
+def test_frame_has_the_axes_given():
+    x, z = np.array([[0.0, 0.0, 1.0]]), np.array([[1.0, 0.0, 0.0]])
+    made = poses.rotation(poses.frame(x, z))
+    np.testing.assert_allclose(made.apply([1.0, 0.0, 0.0]), x, atol=1e-12)
+    np.testing.assert_allclose(made.apply([0.0, 0.0, 1.0]), z, atol=1e-12)
+
+
+def test_about_turns_by_the_right_hand():
+    turned = poses.about([0.0, 0.0, 1.0], np.array([np.pi / 2, -np.pi / 2])).apply([1.0, 0.0, 0.0])
+    np.testing.assert_allclose(turned, [[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]], atol=1e-12)
