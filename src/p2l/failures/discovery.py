@@ -1,0 +1,155 @@
+"""Failures of the nominal skills, found by running them under uncertainty (thesis, sections 4.3.1 and 5.4).
+
+Three strategies:
+- `pessimistic`: open loop under the initial uncertainty, one estimate for the whole chain, which goes on after failing.
+  At every option's end the state is a failure if no option's precondition holds on the truth and the goal does not.
+- `early_termination`: the estimator improves after every action, and the episode ends at the first such state.
+- `first_flag`: the episode ends when a failure detector speaks, and that moment is the failure.
+
+Where the thesis is silent:
+1. Early termination: after an option that did not end in failure, the robot takes the option nearest to the goal whose
+   precondition holds on the truth, as the thesis's high-level policy does (section 4.2.1), up to `max_options`.
+2. An episode whose simulation breaks down is left out with all its moments, and counted.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+import numpy as np
+
+from p2l.errors import ConfigError
+from p2l.failures.record import STRANDED, Failures, Origin
+from p2l.records import BoolArray, IntArray
+from p2l.skills.chain import FINISH, Choose, Execution, Moments, Progress, Watch, in_order, run
+from p2l.skills.option import Option
+from p2l.skills.runner import Reason
+from p2l.worlds.estimator import Mode
+from p2l.worlds.world import NO_FAILURE, Rows, World
+
+Strategy = Literal["pessimistic", "early_termination", "first_flag"]
+STRATEGIES: tuple[str, ...] = get_args(Strategy)
+ESTIMATORS: dict[str, Mode | None] = {"pessimistic": "fixed", "early_termination": "halving", "first_flag": None}
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a split of discovery found.
+
+    Attributes:
+        failures: N of them.
+        execution: all episodes.
+    """
+
+    failures: Failures
+    execution: Execution
+
+
+def discover(
+    world: World,
+    options: Sequence[Option],
+    starts: Rows,
+    origin: Origin,
+    *,
+    slots: int = 64,
+    progress: Progress | None = None,
+) -> Found:
+    """Run one episode from each of `starts` by the strategy of `origin`, and keep the failures.
+
+    Args:
+        world: made with the strategy's estimator, see `ESTIMATORS`.
+        options: its nominal chain.
+        starts: start states.
+        origin: names the strategy; goes into the record.
+        slots: episodes at once.
+        progress: told the number of episodes finished since the last call.
+    """
+    execution = _run(world, options, starts, origin, slots=slots, progress=progress)
+    moments = execution.ends.take(_failed(world, options, execution, origin.strategy))
+    return Found(_record(world, starts, moments, origin), execution)
+
+
+def replay(world: World, options: Sequence[Option], failures: Failures) -> list[Rows]:
+    """The way to each failure, from the start of its episode: rows of every control step, the start included.
+
+    Ends with the recorded moment itself, to the bit where the machine computes as the one that recorded it.
+    """
+    kept: list[dict[int, Rows]] = [{0: failures.start.take([index])} for index in range(len(failures))]
+
+    def watch(episode: IntArray, step: IntArray, rows: Rows) -> None:
+        for place, (index, now) in enumerate(zip(episode.tolist(), step.tolist(), strict=True)):
+            if now <= failures.step[index]:
+                kept[index][now] = rows.take([place])
+
+    _run(world, options, failures.start, failures.origin, slots=len(failures), watch=watch)
+    for index, path in enumerate(kept):
+        path[int(failures.step[index])] = failures.rows.take([index])
+    return [Rows.join([path[step] for step in sorted(path)]) for path in kept]
+
+
+def stranded(world: World, options: Sequence[Option], rows: Rows) -> BoolArray:
+    """[N] no nominal precondition holds on the truth, and the task is not done."""
+    return ~_ready(world, options, rows).any(axis=1) & ~world.goal(rows)
+
+
+def _ready(world: World, options: Sequence[Option], rows: Rows) -> BoolArray:
+    truth = world.privileged(rows)
+    return np.stack([option.precondition(truth) for option in options], axis=1)
+
+
+def _run(
+    world: World,
+    options: Sequence[Option],
+    starts: Rows,
+    origin: Origin,
+    *,
+    slots: int,
+    progress: Progress | None = None,
+    watch: Watch | None = None,
+) -> Execution:
+    if origin.strategy not in STRATEGIES:
+        raise ConfigError(f"unknown strategy of discovery '{origin.strategy}'; known: {', '.join(STRATEGIES)}")
+    early = origin.strategy == "early_termination"
+    choose = nearest_goal(world, options, origin.max_options) if early else in_order(options)
+    stop, slots = origin.strategy == "first_flag", max(slots, 1)
+    return run(world, options, starts, choose=choose, stop_on_failure=stop, slots=slots, progress=progress, watch=watch)
+
+
+def nearest_goal(world: World, options: Sequence[Option], max_options: int) -> Choose:
+    """The last option of the chain whose precondition holds on the truth; the end if none does or the task is done."""
+
+    def choose(ended: Moments) -> IntArray:
+        ready = _ready(world, options, ended.rows)
+        last = ready.shape[1] - 1 - np.argmax(ready[:, ::-1], axis=1)
+        over = ~ready.any(axis=1) | world.goal(ended.rows) | (ended.rows.actions >= max_options)
+        return np.where(over, FINISH, last)
+
+    return choose
+
+
+def _failed(world: World, options: Sequence[Option], execution: Execution, strategy: str) -> BoolArray:
+    """[K] which of the options' ends are failures."""
+    ends = execution.ends
+    sound = ~execution.diverged[ends.episode]
+    if strategy == "first_flag":
+        return np.asarray(sound & (ends.reason == Reason.FAILED))
+    found = np.zeros(len(ends), dtype=np.bool_)
+    found[sound] = stranded(world, options, ends.rows.take(sound))
+    return found
+
+
+def _record(world: World, starts: Rows, moments: Moments, origin: Origin) -> Failures:
+    return Failures(
+        origin=origin,
+        start=starts.take(moments.episode),
+        rows=moments.rows,
+        truth=world.privileged(moments.rows),
+        seen=world.observe(moments.rows),
+        option=moments.option,
+        kind=np.where(moments.kind == NO_FAILURE, origin.kinds.index(STRANDED), moments.kind),
+        step=moments.step,
+        time_s=moments.step * world.engine.control_period_s,
+        episode=moments.episode,
+    )
