@@ -74,11 +74,8 @@ class Push(RobotWorld):
         return {"grip_pos_m": self.read(rows, "grip_pos"), "block_pos_m": self.read(rows, "block_pos")}
 
     def _seen(self, rows: Rows, error: Array) -> Fields:
-        start = self.engine.physics_size
         return {
             "grip_pos_m": self.read(rows, "grip_pos"),
-            "target_pos_m": rows.states[:, start : start + 3],
-            "target_quat": rows.states[:, start + 3 : start + 7],
             "block_y_m": self.read(rows, "block_pos")[:, 1:2] + error,
             "actions": rows.actions,
         }

@@ -67,6 +67,7 @@ class Runner:
         self.path_m = np.zeros(slots)
         self.kind = np.full(slots, NO_FAILURE, dtype=np.int64)
         self.kind_step = np.zeros(slots, dtype=np.int64)
+        self.muted = np.zeros(slots, dtype=np.bool_)
         self._memory = np.zeros((slots, max(option.memory_size for option in self.options)))
         self._rows: Rows | None = None
         self._grip = world.engine.sensor_columns["grip_pos"]
@@ -78,13 +79,22 @@ class Runner:
             raise ConfigError("runner: no slot has been filled; call start first")
         return self._rows
 
-    def start(self, slots: IntArray, rows: Rows, option: IntArray) -> None:
-        """A new episode in each of `slots` [K], from `rows` [K] with `option` [K]; counters start at 0."""
+    def start(self, slots: IntArray, rows: Rows, option: IntArray, *, muted: bool = False) -> None:
+        """A new episode in each of `slots` [K], from `rows` [K] with `option` [K]; counters start at 0.
+
+        Args:
+            slots: [K].
+            rows: [K] where the episodes start.
+            option: [K] what drives them first.
+            muted: the start is a failure whose flag is still up (the hand still presses on the wall it hit): flags
+                count from the first control step on that raises none.
+        """
         if self._rows is None:
             self._rows = rows.take(np.zeros(len(self.busy), dtype=np.int64))
         self.rows.put(slots, rows)
         self.steps_total[slots] = 0
         self.path_m[slots] = 0.0
+        self.muted[slots] = muted
         self.begin(slots, option)
 
     def begin(self, slots: IntArray, option: IntArray) -> None:
@@ -143,7 +153,9 @@ class Runner:
         self.steps_total[slots] += 1
         way = after.sensors[kept, self._grip] - before.sensors[kept, self._grip]
         self.path_m[slots[kept]] += np.linalg.norm(way, axis=1)
-        first = (kind != NO_FAILURE) & (self.kind[slots] == NO_FAILURE) & ~diverged
+        raised = (kind != NO_FAILURE) & ~diverged
+        first = raised & (self.kind[slots] == NO_FAILURE) & ~self.muted[slots]
+        self.muted[slots] &= raised
         self.kind[slots[first]] = kind[first]
         self.kind_step[slots[first]] = self.steps_total[slots[first]]
         reason = np.full(len(slots), -1, dtype=np.int64)

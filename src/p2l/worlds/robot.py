@@ -82,9 +82,11 @@ class RobotWorld:
         return Privileged.of(self._truth(rows))
 
     def observe(self, rows: Rows) -> Observation:
-        """What the robot sees."""
+        """What the robot sees; its own commands (target pose, grip) are always part of it."""
         error = self.estimator.error(rows.noise, rows.actions)
-        return Observation.of(self._seen(rows, error))
+        target = rows.states[:, self.engine.physics_size : self.engine.physics_size + 7]
+        own = {"target_pos_m": target[:, :3], "target_quat": target[:, 3:], "grip_command": rows.grip}
+        return Observation.of({**self._seen(rows, error), **own})
 
     def _truth(self, rows: Rows) -> Fields:
         raise NotImplementedError
@@ -128,7 +130,7 @@ class RobotWorld:
         states[:, place : place + 3] = sensed[:, self.engine.sensor_columns["grip_pos"]]
         states[:, place + 3 : place + 7] = sensed[:, self.engine.sensor_columns["grip_quat"]]
         kept = np.zeros((count, self.memory_size)) if memory is None else memory
-        return Rows(states, sensed, index, noise, np.zeros(count, dtype=np.int64), kept)
+        return Rows(states, sensed, index, noise, np.zeros(count, dtype=np.int64), kept, np.zeros(count))
 
     def read(self, rows: Rows, sensor: str) -> Array:
         """[N, d] last values of a sensor, e.g. `grip_pos` (world frame, m).

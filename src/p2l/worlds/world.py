@@ -6,7 +6,7 @@ Axis letters: N rows, S state columns, D sensor values, E estimated coordinates,
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any, Protocol, runtime_checkable
 
 import mujoco
@@ -33,6 +33,7 @@ class Rows:
         noise: [N, K, E] unit normals of the state estimator, see `worlds.estimator`.
         actions: [N] actions (options or primitives) finished so far.
         memory: [N, M] what the world's failure detectors remember, e.g. the pose of a box in the hand.
+        grip: [N] last command to the fingers, 0 = open, 1 = closed.
     """
 
     states: Array
@@ -41,6 +42,7 @@ class Rows:
     noise: Array
     actions: IntArray
     memory: Array
+    grip: Array
 
     def __len__(self) -> int:
         return len(self.states)
@@ -177,6 +179,7 @@ def advance(world: World, rows: Rows, command: Command) -> tuple[Rows, IntArray,
     """One control step: the rows after it, the kind of failure [N], and which rows diverged [N]."""
     control = world.control(command)
     chunk = world.engine.step(rows.states, command.pos, command.quat, control, rows.model)
-    after = Rows(chunk.states, np.array(chunk.sensors[:, -1]), rows.model, rows.noise, rows.actions, rows.memory)
+    sensors = np.array(chunk.sensors[:, -1])
+    after = replace(rows, states=chunk.states, sensors=sensors, grip=np.asarray(command.grip, dtype=np.float64))
     kind, memory = world.monitor(rows, after, chunk, command)
-    return Rows(after.states, after.sensors, rows.model, rows.noise, rows.actions, memory), kind, chunk.diverged
+    return replace(after, memory=memory), kind, chunk.diverged

@@ -1,0 +1,79 @@
+"""Primitive actions of a recovery policy: small motions along or about one axis of the end effector's frame.
+
+"Each action primitive is defined in the robot's end-effector frame and operates only on a single dimension": ± 2 cm
+along x, y, z and ± π/2 about one axis (thesis, section 5.4, "RL Training"); the gripper keeps its command. The target
+moves there within `MOVE_STEPS` and is held to the end of the primitive.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from p2l.records import Array, BoolArray, IntArray
+from p2l.skills import poses
+from p2l.skills.option import Decision
+from p2l.worlds.observation import Observation, Privileged
+from p2l.worlds.world import Command
+
+TRANSLATION_M = 0.02
+ROTATION_RAD = np.pi / 2
+STEPS = 10
+MOVE_STEPS = 5
+
+
+@dataclass(frozen=True)
+class Primitive:
+    """Move by a fixed displacement in the end-effector frame, then hold.
+
+    Attributes:
+        name: e.g. `move +x` or `turn -z`.
+        shift_m: [3] displacement, end-effector frame, m.
+        turn_rad: [3] rotation vector, end-effector frame, rad.
+    """
+
+    name: str
+    shift_m: tuple[float, float, float]
+    turn_rad: tuple[float, float, float]
+
+    memory_size = 15
+    max_steps = STEPS
+
+    def precondition(self, truth: Privileged) -> BoolArray:
+        """Applicable everywhere."""
+        return np.ones(len(truth), dtype=np.bool_)
+
+    def begin(self, seen: Observation) -> Array:
+        """The present target, the new one, and the gripper's command."""
+        turned = poses.rotation(seen["target_quat"])
+        pos = seen["target_pos_m"] + turned.apply(self.shift_m)
+        quat = poses.quat(turned * poses.about(np.asarray(self.turn_rad), 1.0))
+        return np.concatenate([seen["target_pos_m"], seen["target_quat"], pos, quat, seen["grip_command"]], axis=1)
+
+    def decide(self, seen: Observation, memory: Array, step: IntArray) -> Decision:  # noqa: ARG002
+        """On the way to the new target, or there."""
+        share = np.minimum((step + 1) / MOVE_STEPS, 1.0)
+        pos = memory[:, :3] + share[:, None] * (memory[:, 7:10] - memory[:, :3])
+        quat = poses.between(memory[:, 3:7], memory[:, 10:14], share)
+        return Decision(Command(pos, quat, memory[:, 14]), memory, step >= STEPS)
+
+
+def _along(axis: int, size: float) -> tuple[float, float, float]:
+    vector = [0.0, 0.0, 0.0]
+    vector[axis] = size
+    return vector[0], vector[1], vector[2]
+
+
+PRIMITIVES: tuple[Primitive, ...] = (
+    *(
+        Primitive(f"move {sign}{label}", _along(axis, size), (0.0, 0.0, 0.0))
+        for axis, label in enumerate("xyz")
+        for sign, size in (("+", TRANSLATION_M), ("-", -TRANSLATION_M))
+    ),
+    *(
+        Primitive(f"turn {sign}{label}", (0.0, 0.0, 0.0), _along(axis, size))
+        for axis, label in enumerate("xyz")
+        for sign, size in (("+", ROTATION_RAD), ("-", -ROTATION_RAD))
+    ),
+)
