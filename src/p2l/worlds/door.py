@@ -3,17 +3,22 @@
 Deviations from the thesis and its author's settings, each where they are silent or cannot be kept:
 1. The door stands on the robot's right (y negative), as robosuite's own does; the author's y of 0.25–0.30 m counts to
    that side.
+2. Only the handle's position is uncertain; its orientation, and with it the angles of latch and hinge, is seen without
+   error.
+3. The arm starts in one posture, the hand 15 cm in front of the middle of all handles (plus `joint_noise_rad`).
+4. Failure detectors (the thesis has none in chapter 4, only states in which no skill applies): the handle is not
+   between the pads 0.25 s after the fingers were told to close; it was and no longer is; the wrist force, averaged over
+   a control step, is above `force_limit_n`. The first two speak once each time the fingers close.
 
 Axis letters: N rows.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import product
 
 import numpy as np
-import numpy.typing as npt
 from robosuite.models.arenas import TableArena
 from robosuite.models.objects import DoorObject
 
@@ -21,20 +26,23 @@ from p2l.errors import ConfigError
 from p2l.records import Array, BoolArray, IntArray
 from p2l.sim.batch import Chunk
 from p2l.sim.posture import reach
-from p2l.sim.scene import WRIST_FORCE, Parts, Physics, Scene, build
+from p2l.sim.scene import FINGER_OPEN_M, FINGERS, WRIST_FORCE, Parts, Physics, Scene, build
 from p2l.skills import poses
 from p2l.worlds.estimator import Estimator, Mode
-from p2l.worlds.handles import DOOR, Handle, find, shape
-from p2l.worlds.robot import RobotWorld
-from p2l.worlds.world import NO_FAILURE, Command, Rows
+from p2l.worlds.handles import DOOR, Handle, axis_of, find, grasp_pose, hinge_of, shape
+from p2l.worlds.robot import Fields, RobotWorld
+from p2l.worlds.world import NO_FAILURE, Command, Rows, View
 
 BASE_POS_WORLD = (-0.56, 0.0, 0.0)
 FURNITURE = f"{DOOR}_main"
 OPEN_RAD = 0.3
 START_AWAY_M = 0.15
-GRASP_INWARD_M = 0.035
 PAD_HALF_M = 0.008
-KINDS = ("missed_handle", "slip_rotating", "slip_pulling", "force")
+CLOSING_STEPS = 5  # the fingers need four control steps from open to the thinnest lever
+PULLED_M = 0.01  # the target has left the door's plane by that much: the hand pulls
+BRANCH_RAD = 2.0  # a joint that turns farther between two poses of a motion has left its branch
+NONE, HELD, LOST = 0.0, 1.0, 2.0
+MISSED_HANDLE, SLIP_ROTATING, SLIP_PULLING, FORCE = range(4)
 
 
 class Door(RobotWorld):
@@ -42,19 +50,24 @@ class Door(RobotWorld):
 
     Args:
         arm: robosuite's name of the arm.
-        handle: one of `worlds.handles.HANDLES`, or a list of them from which each row draws.
+        handle: one of `worlds.handles.HANDLES`, or a list of them of which each row draws one.
         estimator: how the estimate of the handle's position errs.
         sigma_m: its standard deviation in x, y and z, m.
         x_m, y_m, z_m: ranges of the door's position from the robot's base, m; y to the robot's right.
-        yaw_rad: range of the door's yaw about facing the robot's left, rad.
-        joint_noise_rad: standard deviation of the start posture.
-        force_limit_n: wrist force above which a failure is flagged.
+        yaw_rad: range of the door's yaw; at 0 the hand opens it straight to the robot's left.
+        joint_noise_rad: standard deviation of each joint of the start posture.
+        force_limit_n: mean wrist force of a control step above which the detector speaks, N.
         timestep_s: physics time step.
         nthread: simulator threads.
+
+    Raises:
+        ConfigError: unknown arm or handle, a reversed range, or start states that the arm cannot reach.
     """
 
-    failure_kinds = KINDS
-    memory_size = 3  # control steps that the fingers have been told to close; held before; turned while held
+    failure_kinds = ("missed_handle", "slip_rotating", "slip_pulling", "force")
+    memory_size = 3  # control steps since the fingers were told to close; NONE, HELD or LOST; depth of the target then
+    mode_fields = ("grip_in_handle_m", "gap_m", "hinge_rad", "latch_rad")
+    view = View(azimuth_deg=-35.0, elevation_deg=-20.0, distance_m=1.1)
 
     def __init__(
         self,
@@ -68,72 +81,101 @@ class Door(RobotWorld):
         z_m: Sequence[float] = (0.20, 0.25),
         yaw_rad: Sequence[float] = (-0.26, 0.26),
         joint_noise_rad: float = 0.0,
-        force_limit_n: float = 60.0,
+        force_limit_n: float = 150.0,
         timestep_s: float = 0.005,
         nthread: int = 2,
     ) -> None:
-        params = {name: value for name, value in locals().items() if name not in ("self", "nthread", "__class__")}
-        named = find(handle)
-        self.handles = tuple(one for _, one in named)
+        self.handles = find(handle)
         self.ranges = _ranges(x_m=x_m, y_m=y_m, z_m=z_m, yaw_rad=yaw_rad)
         self.force_limit_n, self.joint_noise_rad = force_limit_n, joint_noise_rad
         scenes = [_scene(arm, one, timestep_s) for one in self.handles]
+        params = {
+            "arm": arm, "handle": [repr(one) for one in self.handles], "sigma_m": sigma_m, "ranges": self.ranges,
+            "joint_noise_rad": joint_noise_rad, "force_limit_n": force_limit_n, "timestep_s": timestep_s,
+        }  # fmt: skip
         super().__init__("door", params, scenes, Estimator(estimator, (sigma_m,) * 3), nthread=nthread)
         self.base_pos_m = np.array(scenes[0].model.body("robot0_base").pos)
-        self.finger_sign = 1.0
-        self._start = self._start_posture()
+        self._size = np.array([[one.length_m, one.depth_m, one.thickness_m] for one in self.handles])
+        self._site = np.array([[one.site_m, 0.0, 0.0] for one in self.handles])
+        self.finger_sign, self.start_rad = self._reachable(arm)
 
     def sample(self, rng: np.random.Generator, n: int) -> Rows:
         """N closed doors, the arm in its start posture, fingers open."""
         low, high = np.array(list(self.ranges.values())).T
-        pose = self.door_pose(rng.uniform(low, high, (n, 4)))
-        qpos = np.zeros((n, self.engine.nq))
-        arm = self._start + self.joint_noise_rad * rng.standard_normal((n, len(self._start)))
+        place = rng.uniform(low, high, (n, 4))
+        arm = self.start_rad + self.joint_noise_rad * rng.standard_normal((n, len(self.start_rad)))
+        return self._closed(place, arm, self.estimator.draw(rng, n), rng.integers(len(self.handles), size=n))
+
+    def _closed(self, place: Array, arm: Array, noise: Array, model: IntArray) -> Rows:
+        """Rows with the door at x, y, z (m from the robot's base, y to its right) and yaw (rad), `place` [N, 4]."""
+        turn = poses.about([0.0, 0.0, 1.0], place[:, 3] - np.pi / 2)
+        pose = np.concatenate([self.base_pos_m + place[:, :3] * [1.0, -1.0, 1.0], poses.quat(turn)], axis=1)
+        qpos = np.zeros((len(place), self.engine.nq))
         qpos[:, [column - 1 for column in self._arm]] = arm
-        for joint, column in self._columns.items():
-            if "finger_joint" in joint:
-                qpos[:, column - 1] = 0.04 if joint.endswith("1") else -0.04
-        model = rng.integers(len(self.handles), size=n)
-        return self.rows(qpos, self.estimator.draw(rng, n), model=model, furniture={FURNITURE: pose})
+        for finger, opened in zip(FINGERS, (FINGER_OPEN_M, -FINGER_OPEN_M), strict=True):
+            qpos[:, self._columns[finger] - 1] = opened
+        return self.rows(qpos, noise, model=model, furniture={FURNITURE: pose})
 
-    def door_pose(self, place: Array) -> Array:
-        """[N, 7] pose of the door from x, y, z (m from the robot's base, y to its right) and yaw (rad)."""
-        pos = self.base_pos_m + place[:, :3] * [1.0, -1.0, 1.0]
-        return np.concatenate([pos, poses.quat(poses.about([0.0, 0.0, 1.0], place[:, 3] - np.pi / 2))], axis=1)
-
-    def _start_posture(self) -> Array:
-        middle = np.array([sum(pair) / 2 for pair in self.ranges.values()])[None]
-        rows = self.rows(
-            np.zeros((1, self.engine.nq)),
-            np.zeros((1, 1, 3)),
-            furniture={FURNITURE: self.door_pose(middle)},
+    def _reachable(self, arm: str) -> tuple[float, Array]:
+        """Which way round the fingers grasp, and the start posture [J], rad."""
+        corners = np.array(list(product(*self.ranges.values())))
+        place = np.concatenate([corners.mean(axis=0, keepdims=True), corners])
+        count = len(place)
+        rest = np.tile(self.scenes[0].home, (count, 1))
+        rows = self._closed(place, rest, np.zeros((count, 1, 3)), np.zeros(count, dtype=np.int64))
+        missing: list[int] = []
+        for sign in (1.0, -1.0):
+            start, missing = self._postures(rows, sign)
+            if start is not None and not missing:
+                return sign, start
+        told = "; ".join(", ".join(f"{value:g}" for value in place[index]) for index in missing)
+        raise ConfigError(
+            f"door: with the arm {arm} no posture reaches the handle, shut or open, at these start states "
+            f"(x, y, z in m, yaw in rad): {told}; move or narrow {', '.join(self.ranges)}"
         )
-        pos, quat, out = grasp_pose(self.read(rows, "handle_pos"), self.read(rows, "handle_quat"), self.finger_sign)
-        found = reach(self.scenes[0], (pos - START_AWAY_M * out)[0], quat[0])
-        if found is None:
-            raise ConfigError("door: no posture of the arm starts in front of the handle")
-        return found
 
-    def _truth(self, rows: Rows) -> Mapping[str, npt.NDArray[np.generic]]:
-        return self._body(rows) | {
-            "handle_pos_m": self.read(rows, "handle_pos"),
-            "handle_quat": self.read(rows, "handle_quat"),
-            "grip_in_handle_m": self._in_handle(rows),
-            "hinge_rad": self.joint(rows, f"{DOOR}_hinge"),
-            "latch_rad": self.joint(rows, f"{DOOR}_latch_joint"),
+    def _postures(self, rows: Rows, sign: float) -> tuple[Array | None, list[int]]:
+        """The start posture for the first row, and which rows the arm cannot serve from there."""
+        scene = self.scenes[0]
+        pos, lever = self.read(rows, "handle_pos"), self.read(rows, "handle_quat")
+        held, quat, into = grasp_pose(pos, lever, sign)
+        start = reach(scene, (held - START_AWAY_M * into)[0], quat[0])
+        if start is None:
+            return None, [0]
+        ways = [(held, quat)]
+        opening = poses.about([0.0, 0.0, 1.0], np.full(len(rows), OPEN_RAD))
+        down = poses.about(into, np.full(len(rows), np.pi / 2))
+        axis, hinge = axis_of(pos, lever), hinge_of(pos, lever)
+        turned = axis + down.apply(held - axis), poses.quat(down * poses.rotation(quat))
+        ways += [turned, (hinge + opening.apply(turned[0] - hinge), poses.quat(opening * poses.rotation(turned[1])))]
+        missing = []
+        for index in range(len(rows)):
+            before = start
+            for where, how in ways:
+                found = reach(scene, where[index], how[index], starts=(before,), restarts=0)
+                if found is None or np.abs(found - before).max() > BRANCH_RAD:
+                    missing.append(index)
+                    break
+                before = found
+        return start, missing
+
+    def _truth(self, rows: Rows) -> Fields:
+        return {
+            **self._body(rows),
+            **self._handle(rows, np.zeros((len(rows), 3))),
             "held": self.held(rows),
             "force_n": np.linalg.norm(self.read(rows, WRIST_FORCE), axis=1),
         }
 
-    def _seen(self, rows: Rows, error: Array) -> Mapping[str, npt.NDArray[np.generic]]:
-        return self._body(rows) | {
-            "handle_pos_m": self.read(rows, "handle_pos") + error,
-            "handle_quat": self.read(rows, "handle_quat"),
+    def _seen(self, rows: Rows, error: Array) -> Fields:
+        return {
+            **self._body(rows),
+            **self._handle(rows, error),
             "force_high": np.linalg.norm(self.read(rows, WRIST_FORCE), axis=1) > self.force_limit_n,
             "actions": rows.actions,
         }
 
-    def _body(self, rows: Rows) -> dict[str, npt.NDArray[np.generic]]:
+    def _body(self, rows: Rows) -> Fields:
         target = rows.states[:, self.engine.physics_size : self.engine.physics_size + 7]
         return {
             "grip_pos_m": self.read(rows, "grip_pos"),
@@ -144,54 +186,65 @@ class Door(RobotWorld):
             "arm_rad": self.arm(rows),
         }
 
-    def _in_handle(self, rows: Rows) -> Array:
-        """[N, 3] of the grip site in the lever's frame: from the axis outward, from its middle into the door, across; m."""
-        lever = np.array([one.site_m for one in self.handles])[rows.model]
-        away = self.read(rows, "grip_pos") - self.read(rows, "handle_pos")
-        inside = poses.rotation(self.read(rows, "handle_quat")).inv().apply(away)
-        return np.asarray(inside + np.stack([lever, np.zeros_like(lever), np.zeros_like(lever)], axis=1))
+    def _handle(self, rows: Rows, error: Array) -> Fields:
+        """The handle, displaced by `error` [N, 3]."""
+        pos, quat = self.read(rows, "handle_pos") + error, self.read(rows, "handle_quat")
+        away = poses.rotation(quat).inv().apply(self.read(rows, "grip_pos") - pos)
+        return {
+            "handle_pos_m": pos,
+            "handle_quat": quat,
+            "grip_in_handle_m": away + self._site[rows.model],  # from the axis: along the lever, into the door, across
+            "hinge_rad": self.joint(rows, f"{DOOR}_hinge"),
+            "latch_rad": self.joint(rows, f"{DOOR}_latch_joint"),
+        }
 
     def held(self, rows: Rows) -> BoolArray:
-        """[N] whether the lever is between the fingers' pads, and they are about as far apart as it is thick."""
-        at = self._in_handle(rows)
-        size = np.array([[one.length_m, one.depth_m, one.thickness_m] for one in self.handles])[rows.model]
-        along = (at[:, 0] > 0.0) & (at[:, 0] < size[:, 0] + PAD_HALF_M)
-        deep = np.abs(at[:, 1]) < size[:, 1] / 2 + PAD_HALF_M
-        across = np.abs(at[:, 2]) < size[:, 2] / 2
-        gap = self.gap_m(rows)
-        return np.asarray(along & deep & across & (gap > size[:, 2] - 0.005) & (gap < size[:, 2] + 0.02))
+        """[N] whether the lever is between the pads, and they are about as far apart as it is thick.
+
+        The line from pad to pad has to cross the middle plane of the lever within its outline.
+        """
+        at = np.asarray(self._handle(rows, np.zeros((len(rows), 3)))["grip_in_handle_m"])
+        frame = poses.rotation(self.read(rows, "handle_quat")).inv() * poses.rotation(self.read(rows, "grip_quat"))
+        closing = frame.apply([1.0, 0.0, 0.0])
+        first, second = (np.abs(self.joint(rows, finger))[:, None] for finger in FINGERS)
+        one, other = at - closing * first, at + closing * second
+        across = one[:, 2] - other[:, 2]
+        share = one[:, 2] / np.where(np.abs(across) < 1e-6, 1e-6, across)
+        crossing = one + share[:, None] * (other - one)
+        length, depth, thickness = self._size[rows.model].T
+        gap = (first + second)[:, 0]
+        return np.asarray(
+            (share > 0.0)
+            & (share < 1.0)
+            & (crossing[:, 0] > 0.0)
+            & (crossing[:, 0] < length + PAD_HALF_M)
+            & (np.abs(crossing[:, 1]) < depth / 2 + PAD_HALF_M)
+            & (gap > 0.6 * thickness)
+            & (gap < thickness + 0.02)
+        )
 
     def monitor(self, before: Rows, after: Rows, chunk: Chunk, command: Command) -> tuple[IntArray, Array]:
-        """The detectors; see `KINDS`."""
-        closed = np.where(command.grip > 0.5, before.memory[:, 0] + 1.0, 0.0)
-        held = self.held(after) & (closed > 0)
-        was = (before.memory[:, 1] > 0) & (closed > 0)
-        turned = (before.memory[:, 2] > 0) & (closed > 0)
-        turned |= held & (self.joint(after, f"{DOOR}_latch_joint") > 1.0)
+        """Missed handle, slip, force; see deviation 4."""
+        closed, was, depth = np.where(command.grip[:, None] > 0.5, before.memory, 0.0).T
+        closed = np.where(command.grip > 0.5, closed + 1.0, 0.0)
+        held = self.held(after) & (closed >= CLOSING_STEPS)
+        normal = poses.rotation(self.furniture(after, FURNITURE)[:, 3:]).apply([1.0, 0.0, 0.0])
+        target = (command.pos * normal).sum(axis=1)
+        depth = np.where(held & (was == NONE), target, depth)
+        slipped = (was == HELD) & ~held
+        pulling = depth - target > PULLED_M
+        force = np.linalg.norm(self.engine.sensor(chunk, WRIST_FORCE).mean(axis=1), axis=1)
         kind = np.full(len(after), NO_FAILURE, dtype=np.int64)
-        kind[self.peak_force_n(chunk, WRIST_FORCE) > self.force_limit_n] = KINDS.index("force")
-        kind[was & ~held & turned] = KINDS.index("slip_pulling")
-        kind[was & ~held & ~turned] = KINDS.index("slip_rotating")
-        kind[~was & ~held & (closed == 12)] = KINDS.index("missed_handle")
-        return kind, np.stack([closed, held | was, turned], axis=1).astype(np.float64)
+        kind[force > self.force_limit_n] = FORCE
+        kind[slipped & pulling] = SLIP_PULLING
+        kind[slipped & ~pulling] = SLIP_ROTATING
+        kind[~held & (was == NONE) & (closed == CLOSING_STEPS)] = MISSED_HANDLE
+        now = np.where(held, HELD, np.where(slipped, LOST, was))
+        return kind, np.stack([closed, now, depth], axis=1)
 
     def goal(self, rows: Rows) -> BoolArray:
-        """Hinge at 0.3 rad or more, as robosuite has it."""
+        """The hinge at 0.3 rad or more, as robosuite has it."""
         return self.joint(rows, f"{DOOR}_hinge") >= OPEN_RAD
-
-
-def grasp_pose(handle_pos: Array, handle_quat: Array, finger_sign: float) -> tuple[Array, Array, Array]:
-    """Where the nominal grasp holds a lever: position [N, 3], orientation [N, 4], and the approach's direction [N, 3].
-
-    Args:
-        handle_pos: [N, 3] world frame, m.
-        handle_quat: [N, 4] of the lever's frame: x outward from the axis, y into the door.
-        finger_sign: which of the two equivalent orientations of the fingers.
-    """
-    lever = poses.rotation(handle_quat)
-    into = lever.apply([0.0, 1.0, 0.0])
-    quat = poses.frame(lever.apply([0.0, 0.0, finger_sign]), into)
-    return handle_pos - lever.apply([GRASP_INWARD_M, 0.0, 0.0]), quat, into
 
 
 def _scene(arm: str, handle: Handle, timestep_s: float) -> Scene:
@@ -204,14 +257,7 @@ def _scene(arm: str, handle: Handle, timestep_s: float) -> Scene:
 
 
 def _ranges(**given: Sequence[float]) -> dict[str, tuple[float, float]]:
-    checked = {}
     for name, pair in given.items():
         if len(pair) != 2 or not np.isfinite(pair).all() or pair[0] > pair[1]:
             raise ConfigError(f"door: {name} must be [low, high] with low ≤ high, got {list(pair)}")
-        checked[name] = (float(pair[0]), float(pair[1]))
-    return checked
-
-
-def corners(ranges: Mapping[str, tuple[float, float]]) -> Array:
-    """[16, 4] extreme places of the door."""
-    return np.array(list(product(*ranges.values())))
+    return {name: (float(low), float(high)) for name, (low, high) in given.items()}

@@ -1,4 +1,4 @@
-"""Shapes of the door's handle: five levers from thick to thin and short, and a slippery cylinder (thesis, table 4.2).
+"""The doors of table 4.2: five levers from thick to thin and short, and a full-sized door with a slippery cylinder.
 
 A shape is an edit of robosuite's door before it is compiled; every shape leaves the model's sizes as they are, so rows
 of one batch may have different handles.
@@ -10,31 +10,43 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import mujoco
+import numpy as np
 
 from p2l.errors import ConfigError
+from p2l.records import Array
+from p2l.skills import poses
 
 DOOR = "Door"
-LEVER_DEPTH_M = 0.10  # robosuite's: from the door's middle plane to the lever's axis
-SITE_FROM_TIP_M = 0.025  # robosuite's: the point that counts as the handle's position lies that far from the tip
+HINGE_FROM_AXIS_M = 0.43  # robosuite's
+GRASP_FROM_SITE_M = 0.045  # the nominal grasp, from the handle's position towards its axis
+GRASP_DEEPER_M = 0.016  # how far beyond the lever's middle the grip site goes
+LEVER_OUT_M = 0.10  # robosuite's: from the door's middle plane to the middle of the lever
+SITE_FROM_TIP_M = 0.025  # robosuite's: what counts as the handle's position lies that far from the tip
 
 
 @dataclass(frozen=True)
 class Handle:
-    """One handle.
+    """One handle, and the door that it belongs to.
 
     Attributes:
         length_m: from the axis of rotation to the tip.
         thickness_m: across the lever, between the fingers.
         depth_m: along the approach.
-        friction: sliding friction against whatever touches it; None keeps robosuite's (pads of 2 decide).
-        round: a cylinder along the lever instead of a box.
+        round: a cylinder along the lever (of diameter `thickness_m`) instead of a box.
+        friction: sliding friction of the handle with anything; without it the larger of two decides, the pads' 2.
+        weight: mass and inertia of the door, as a multiple of robosuite's 2.4 kg.
+        hinge_friction_nm: N·m that the hinge resists with.
+        closer_nm_per_rad: stiffness of the spring that closes the door.
     """
 
     length_m: float
     thickness_m: float
     depth_m: float
-    friction: float | None = None
     round: bool = False
+    friction: float | None = None
+    weight: float = 1.0
+    hinge_friction_nm: float = 0.0
+    closer_nm_per_rad: float = 0.0
 
     @property
     def site_m(self) -> float:
@@ -44,47 +56,80 @@ class Handle:
 
 HANDLES: Mapping[str, Handle] = {
     "1": Handle(0.150, 0.040, 0.030),
-    "2": Handle(0.110, 0.030, 0.020),
-    "3": Handle(0.150, 0.036, 0.030),
-    "4": Handle(0.140, 0.030, 0.030),
-    "5": Handle(0.130, 0.014, 0.020),
-    "full_size": Handle(0.130, 0.030, 0.030, friction=0.4, round=True),
+    "2": Handle(0.105, 0.030, 0.020),
+    "3": Handle(0.160, 0.034, 0.030),
+    "4": Handle(0.150, 0.028, 0.024),
+    "5": Handle(0.130, 0.014, 0.014),
+    "full_size": Handle(0.130, 0.030, 0.030, True, friction=0.4, weight=8.0, hinge_friction_nm=1.0),
 }
+NOMINAL = HANDLES["1"]
 
 
-def find(names: str | int | Sequence[str | int]) -> tuple[tuple[str, Handle], ...]:
-    """Named handles of one name or a list.
+def find(names: str | int | Sequence[str | int]) -> tuple[Handle, ...]:
+    """The handles of one name or of a list of names.
 
     Raises:
-        ConfigError: none, or an unknown one.
+        ConfigError: an unknown one, or none.
     """
     listed = [names] if isinstance(names, str | int) else list(names)
-    if unknown := [name for name in listed if str(name) not in HANDLES]:
-        raise ConfigError(f"door: unknown handle {', '.join(map(repr, unknown))}; known: {', '.join(HANDLES)}")
+    if unknown := [str(name) for name in listed if str(name) not in HANDLES]:
+        raise ConfigError(f"door: unknown handle {', '.join(unknown)}; known handles: {', '.join(HANDLES)}")
     if not listed:
-        raise ConfigError(f"door: no handle given; known: {', '.join(HANDLES)}")
-    return tuple((str(name), HANDLES[str(name)]) for name in listed)
+        raise ConfigError(f"door: handle is an empty list; known handles: {', '.join(HANDLES)}")
+    return tuple(HANDLES[str(name)] for name in listed)
 
 
 def shape(handle: Handle) -> Callable[[mujoco.MjSpec], None]:
-    """The edit that gives the door this handle, its visual twin included."""
+    """The edit that gives robosuite's door this handle, in what is simulated and in what is drawn."""
 
     def edit(spec: mujoco.MjSpec) -> None:
-        half = handle.length_m / 2
-        for name in (f"{DOOR}_handle", f"{DOOR}_handle_visual"):
-            geom = spec.geom(name)
-            if geom is None:
-                continue
-            geom.pos = [half, -LEVER_DEPTH_M, 0.0]
-            if handle.round:
-                geom.type = mujoco.mjtGeom.mjGEOM_CYLINDER
-                geom.size = [handle.thickness_m / 2, half, 0.0]
-                geom.quat = [0.5**0.5, 0.0, 0.5**0.5, 0.0]
-            else:
-                geom.size = [half, handle.depth_m / 2, handle.thickness_m / 2]
-            if handle.friction is not None:
-                geom.friction = [handle.friction, 0.005, 1e-4]
-                geom.priority = 1
-        spec.site(f"{DOOR}_handle").pos = [handle.site_m, -LEVER_DEPTH_M, 0.0]
+        for geom in spec.geoms:
+            if geom.name in (f"{DOOR}_handle", f"{DOOR}_handle_visual"):
+                _shape_geom(geom, handle)
+        spec.site(f"{DOOR}_handle").pos = [handle.site_m, -LEVER_OUT_M, 0.0]
+        panel = spec.body(f"{DOOR}_door")
+        panel.mass *= handle.weight
+        panel.inertia = handle.weight * panel.inertia
+        hinge = spec.joint(f"{DOOR}_hinge")
+        hinge.frictionloss = handle.hinge_friction_nm
+        hinge.stiffness = [handle.closer_nm_per_rad, 0.0, 0.0]
 
     return edit
+
+
+def _shape_geom(geom: mujoco.MjsGeom, handle: Handle) -> None:
+    half = handle.length_m / 2
+    geom.pos = [half, -LEVER_OUT_M, 0.0]
+    geom.size = [half, handle.depth_m / 2, handle.thickness_m / 2]
+    if handle.round:
+        geom.type = mujoco.mjtGeom.mjGEOM_CYLINDER
+        geom.size = [handle.thickness_m / 2, half, 0.0]
+        geom.quat = [0.5**0.5, 0.0, 0.5**0.5, 0.0]
+    if handle.friction is not None:
+        geom.friction = [handle.friction, 0.005, 1e-4]
+        geom.priority = 1
+
+
+def grasp_pose(handle_pos: Array, handle_quat: Array, finger_sign: float) -> tuple[Array, Array, Array]:
+    """Where the nominal grasp holds a lever: position [N, 3], orientation [N, 4], and the way into the door [N, 3].
+
+    Args:
+        handle_pos: [N, 3] world frame, m.
+        handle_quat: [N, 4] of the lever's frame: x from the axis to the tip, y into the door, z across.
+        finger_sign: 1 or −1, which of the two equivalent ways round the fingers are.
+    """
+    lever = poses.rotation(handle_quat)
+    into = lever.apply([0.0, 1.0, 0.0])
+    quat = poses.frame(lever.apply([0.0, 0.0, finger_sign]), into)
+    return handle_pos + lever.apply([-GRASP_FROM_SITE_M, GRASP_DEEPER_M, 0.0]), quat, into
+
+
+def axis_of(handle_pos: Array, handle_quat: Array) -> Array:
+    """[N, 3] where the nominal handle's axis of rotation is, given its position and orientation; world frame, m."""
+    return handle_pos - poses.rotation(handle_quat).apply([NOMINAL.site_m, 0.0, 0.0])
+
+
+def hinge_of(handle_pos: Array, handle_quat: Array) -> Array:
+    """[N, 3] where the nominal door's hinge is, at the height of the handle's axis; world frame, m."""
+    into = poses.rotation(handle_quat).apply([0.0, 1.0, 0.0])
+    return axis_of(handle_pos, handle_quat) + HINGE_FROM_AXIS_M * np.cross(into, [0.0, 0.0, 1.0]) + LEVER_OUT_M * into

@@ -1,66 +1,79 @@
 """Reach-and-grasp, rotate-handle and pull-handle: waypoints fixed at an option's start (thesis, section 4.4).
 
-Assumed known: the orientation of the handle, and the nominal handle's geometry (how far its axis and the door's hinge
-are from the point whose noisy position is seen).
+Assumed known, whatever the handle: the geometry of the nominal one, that is how far from the point whose noisy
+position is seen its axis and the door's hinge are. The options see the handle's position with the estimator's error,
+its orientation (with it the angles of latch and hinge), and where the hand and its target are.
 """
 
 from __future__ import annotations
+
+from dataclasses import dataclass
 
 import numpy as np
 
 from p2l.records import Array, BoolArray
 from p2l.skills import poses
 from p2l.skills.follow import Follow, Waypoints
-from p2l.worlds.door import Door, grasp_pose
-from p2l.worlds.handles import HANDLES
+from p2l.worlds.door import Door
+from p2l.worlds.handles import axis_of, grasp_pose, hinge_of
 from p2l.worlds.observation import Observation, Privileged
 
-BACK_M = 0.08
-TURN_RAD = (0.5, 1.0, 1.4)
-PULL_RAD = (0.15, 0.3, 0.42)
-HINGE_M = 0.43
-AXIS_M = HANDLES["1"].site_m
+UP = (0.0, 0.0, 1.0)
 
 
-def options(world: Door) -> tuple[Follow, ...]:
+@dataclass(frozen=True)
+class Motion:
+    """Numbers of the three motions.
+
+    Attributes:
+        before_m: reach-and-grasp comes from that far in front of the grasp.
+        latch_rad: rotate-handle turns the handle to there; the latch is free of the frame from 1.16 rad on, and the
+            impedance gives way to the latch's spring.
+        hinge_rad: pull-handle opens the door to there.
+    """
+
+    before_m: float = 0.06
+    latch_rad: float = 1.6
+    hinge_rad: float = 0.5
+
+
+def options(world: Door, motion: Motion = Motion()) -> tuple[Follow, ...]:
     """The nominal chain."""
 
     def reach(seen: Observation) -> Waypoints:
         pos, quat, into = grasp_pose(seen["handle_pos_m"], seen["handle_quat"], world.finger_sign)
-        way = np.stack([pos - BACK_M * into, pos, pos], axis=1)
+        way = np.stack([pos - motion.before_m * into, pos, pos], axis=1)
         return Waypoints(way, np.repeat(quat[:, None], 3, axis=1), np.tile([0.0, 0.0, 1.0], (len(seen), 1)))
 
+    def rotate(seen: Observation) -> Waypoints:
+        centre = axis_of(seen["handle_pos_m"], seen["handle_quat"])
+        into = poses.rotation(seen["handle_quat"]).apply([0.0, 1.0, 0.0])
+        return _arc(seen, centre, into, motion.latch_rad - seen["latch_rad"][:, 0], 3)
+
+    def pull(seen: Observation) -> Waypoints:
+        centre = hinge_of(seen["handle_pos_m"], seen["handle_quat"])
+        return _arc(seen, centre, np.tile(UP, (len(seen), 1)), motion.hinge_rad - seen["hinge_rad"][:, 0], 2)
+
     return (
-        Follow("reach_and_grasp", reach, (16, 16, 12), (2, 6, 12), can_reach),
-        Follow("rotate_handle", rotate, (10, 10, 14), (0, 0, 4), can_rotate),
-        Follow("pull_handle", pull, (12, 12, 20), (0, 0, 8), can_pull),
+        Follow("reach_and_grasp", reach, (10, 14, 6), (0, 3, 6), can_reach),
+        Follow("rotate_handle", rotate, (5, 5, 8), (0, 0, 3), can_rotate),
+        Follow("pull_handle", pull, (8, 12), (0, 4), can_pull),
     )
 
 
-def rotate(seen: Observation) -> Waypoints:
-    """The hand turns about the axis of the handle."""
-    lever = poses.rotation(seen["handle_quat"])
-    axis = seen["handle_pos_m"] - lever.apply([AXIS_M, 0.0, 0.0])
-    return _arc(seen["target_pos_m"], seen["target_quat"], axis, lever.apply([0.0, 1.0, 0.0]), TURN_RAD)
+def _arc(seen: Observation, centre: Array, axis: Array, angle: Array, legs: int) -> Waypoints:
+    """From the present target about a line through `centre` [N, 3] along `axis` [N, 3], by `angle` [N], fingers closed.
 
-
-def pull(seen: Observation) -> Waypoints:
-    """The hand turns about the hinge."""
-    into = poses.rotation(seen["handle_quat"]).apply([0.0, 1.0, 0.0])
-    up = np.tile([0.0, 0.0, 1.0], (len(seen), 1))
-    hinge = seen["target_pos_m"] + HINGE_M * np.cross(into, up)
-    return _arc(seen["target_pos_m"], seen["target_quat"], hinge, up, PULL_RAD)
-
-
-def _arc(pos: Array, quat: Array, centre: Array, axis: Array, angles: tuple[float, ...]) -> Waypoints:
-    turns = [poses.about(axis, np.full(len(pos), angle)) for angle in angles]
+    It starts from the target and not from the hand, so that what the hand presses with is kept.
+    """
+    pos, quat = seen["target_pos_m"], poses.rotation(seen["target_quat"])
+    turns = [poses.about(axis, angle * (leg + 1) / legs) for leg in range(legs)]
     way = np.stack([centre + turn.apply(pos - centre) for turn in turns], axis=1)
-    turned = np.stack([poses.quat(turn * poses.rotation(quat)) for turn in turns], axis=1)
-    return Waypoints(way, turned, np.ones((len(pos), len(angles))))
+    return Waypoints(way, np.stack([poses.quat(turn * quat) for turn in turns], axis=1), np.ones((len(seen), legs)))
 
 
 def can_reach(truth: Privileged) -> BoolArray:
-    """The door is shut, the handle at rest, the fingers open and clear of it."""
+    """The door is shut, the handle at rest, the fingers open and in front of the handle."""
     shut = (truth["hinge_rad"][:, 0] < 0.05) & (np.abs(truth["latch_rad"][:, 0]) < 0.1)
     clear = (truth["grip_in_handle_m"][:, 1] < -0.05) & (truth["gap_m"][:, 0] > 0.06)
     return np.asarray(shut & clear)
