@@ -22,12 +22,12 @@ import numpy as np
 from robosuite.models.arenas import TableArena
 from robosuite.models.objects import DoorObject
 
+from p2l import poses
 from p2l.errors import ConfigError
 from p2l.records import Array, BoolArray, IntArray
 from p2l.sim.batch import Chunk
 from p2l.sim.posture import reach
 from p2l.sim.scene import FINGER_OPEN_M, FINGERS, WRIST_FORCE, Parts, Physics, Scene, build
-from p2l.skills import poses
 from p2l.worlds.estimator import Estimator, Mode
 from p2l.worlds.handles import DOOR, Handle, axis_of, find, grasp_pose, hinge_of, shape
 from p2l.worlds.robot import Fields, RobotWorld

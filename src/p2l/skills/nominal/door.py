@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from p2l.records import Array, BoolArray
-from p2l.skills import poses
+from p2l import poses
 from p2l.skills.follow import Follow, Waypoints
 from p2l.worlds.door import Door
 from p2l.worlds.handles import axis_of, grasp_pose, hinge_of
@@ -26,15 +26,17 @@ class Motion:
     """Numbers of the three motions.
 
     Attributes:
-        before_m: reach-and-grasp comes from that far in front of the grasp.
+        before_m: reach-and-grasp comes from that far in front of the grasp,
+        above_m: and aims that far above it, because the arm dips by as much on its way.
         latch_rad: rotate-handle turns the handle to there; the latch is free of the frame from 1.16 rad on, and the
             impedance gives way to the latch's spring.
         hinge_rad: pull-handle opens the door to there.
     """
 
     before_m: float = 0.06
+    above_m: float = 0.006
     latch_rad: float = 1.6
-    hinge_rad: float = 0.5
+    hinge_rad: float = 0.45
 
 
 def options(world: Door, motion: Motion = Motion()) -> tuple[Follow, ...]:
@@ -42,6 +44,7 @@ def options(world: Door, motion: Motion = Motion()) -> tuple[Follow, ...]:
 
     def reach(seen: Observation) -> Waypoints:
         pos, quat, into = grasp_pose(seen["handle_pos_m"], seen["handle_quat"], world.finger_sign)
+        pos = pos + motion.above_m * np.asarray(UP)
         way = np.stack([pos - motion.before_m * into, pos, pos], axis=1)
         return Waypoints(way, np.repeat(quat[:, None], 3, axis=1), np.tile([0.0, 0.0, 1.0], (len(seen), 1)))
 

@@ -3,7 +3,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation, Slerp
 
-from p2l.skills import poses
+from p2l import poses
 
 
 def quats(seed, n=5):
