@@ -67,7 +67,7 @@ class Door(RobotWorld):
     failure_kinds = ("missed_handle", "slip_rotating", "slip_pulling", "force")
     memory_size = 3  # control steps since the fingers were told to close; NONE, HELD or LOST; depth of the target then
     mode_fields = ("grip_in_handle_m", "gap_m", "hinge_rad", "latch_rad")
-    view = View(azimuth_deg=-35.0, elevation_deg=-20.0, distance_m=1.1)
+    view = View(azimuth_deg=228.0, elevation_deg=-18.0, distance_m=0.85)
 
     def __init__(
         self,
