@@ -1,0 +1,139 @@
+"""Closed-loop options: a state machine that picks a target pose from what is observed, at every control step.
+
+Thesis, section 5.4.1, "Nominal Skills": "Each controller is implemented as a state machine that selects a target pose
+for the robot end-effector in the Cartesian space based on its current state. The target end-effector pose is then
+achieved using task-space impedance control with fixed impedance."
+
+The impedance target runs ahead of the arm at a bounded pace towards the goal of the present phase; the goal is asked
+for anew at every control step. A row remembers its phase, how long it has been in it, how far the fingers were open
+before, and the orientation that was chosen at the start. Nothing of the way so far counts, so an option may start from
+any state: `enter` says which phase fits what is observed.
+
+Axis letters: N rows, P phases.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from p2l import poses
+from p2l.records import Array, BoolArray, IntArray
+from p2l.skills.option import Decision
+from p2l.worlds.observation import Observation, Privileged
+from p2l.worlds.world import Command
+
+_PHASE, _STEPS, _GAP, _QUAT = 0, 1, 2, slice(3, 7)
+MEMORY = 7
+
+
+@dataclass(frozen=True)
+class Phase:
+    """One state of the machine.
+
+    Attributes:
+        goal: [N, 3] where the grip site should go, m, from the observation.
+        grip: command for the fingers, 0 = open, 1 = closed.
+        limit: control steps after which the next phase begins whatever has been reached.
+        pace_m: the target moves at most so far in a control step, m.
+        reached_m: the phase is over once the grip site is this close to its goal, m; infinite: position is no matter.
+        still_m: the phase is over only when the opening between the fingers changes by less than this in a control
+            step, m; infinite: the fingers are no matter.
+        at_least: control steps that the phase lasts whatever is observed.
+    """
+
+    goal: Callable[[Observation], Array]
+    grip: float
+    limit: int = 15
+    pace_m: float = 0.05
+    reached_m: float = 0.01
+    still_m: float = np.inf
+    at_least: int = 0
+
+
+@dataclass(frozen=True)
+class Machine:
+    """An option made of phases.
+
+    Attributes:
+        name: of the option.
+        phases: P phases, passed through in order.
+        orient: [N, 4] the orientation to hold, chosen once at the start.
+        ready: the hand-written precondition.
+        enter: [N] phase to begin with; the first without it.
+        pace_rad: the target turns at most so far in a control step.
+    """
+
+    name: str
+    phases: tuple[Phase, ...]
+    orient: Callable[[Observation], Array]
+    ready: Callable[[Privileged], BoolArray]
+    enter: Callable[[Observation], IntArray] | None = None
+    pace_rad: float = 0.25
+
+    @property
+    def memory_size(self) -> int:
+        """Phase, steps in it, opening of the fingers before, orientation."""
+        return MEMORY
+
+    @property
+    def max_steps(self) -> int:
+        """The sum of the phases' limits."""
+        return sum(phase.limit for phase in self.phases)
+
+    def precondition(self, truth: Privileged) -> BoolArray:
+        """As written by hand."""
+        return self.ready(truth)
+
+    def begin(self, seen: Observation) -> Array:
+        """The phase that fits, and the orientation to hold."""
+        memory = np.zeros((len(seen), MEMORY))
+        memory[:, _PHASE] = 0 if self.enter is None else self.enter(seen)
+        memory[:, _GAP] = np.inf
+        memory[:, _QUAT] = self.orient(seen)
+        return memory
+
+    def decide(self, seen: Observation, memory: Array, step: IntArray) -> Decision:
+        """Change phase where the present one is over, then move the target on."""
+        del step  # a machine counts in its phases
+        memory = memory.copy()
+        goals = np.stack([phase.goal(seen) for phase in self.phases])  # [P, N, 3]
+        gap = seen["gap_m"][:, 0]
+        over = self._over(seen, goals, memory, np.abs(gap - memory[:, _GAP]))
+        memory[over, _PHASE] += 1
+        memory[over, _STEPS] = 0
+        memory[:, _STEPS] += 1
+        memory[:, _GAP] = gap
+        done = memory[:, _PHASE] >= len(self.phases)
+        index = np.minimum(memory[:, _PHASE], len(self.phases) - 1).astype(np.int64)
+        goal = goals[index, np.arange(len(seen))]
+        pos = _towards(seen["target_pos_m"], goal, self._of("pace_m")[index])
+        quat = _turn(seen["target_quat"], memory[:, _QUAT], self.pace_rad)
+        return Decision(Command(pos, quat, self._of("grip")[index]), memory, done)
+
+    def _over(self, seen: Observation, goals: Array, memory: Array, change_m: Array) -> BoolArray:
+        index = memory[:, _PHASE].astype(np.int64)
+        steps = memory[:, _STEPS]
+        goal = goals[index, np.arange(len(seen))]
+        away = np.linalg.norm(seen["grip_pos_m"] - goal, axis=1)
+        met = (away < self._of("reached_m")[index]) & (change_m < self._of("still_m")[index])
+        late = steps >= self._of("limit")[index]
+        return np.asarray((met & (steps >= self._of("at_least")[index])) | late)
+
+    def _of(self, attribute: str) -> Array:
+        return np.array([getattr(phase, attribute) for phase in self.phases], dtype=np.float64)
+
+
+def _towards(start: Array, goal: Array, pace: Array) -> Array:
+    """[N, 3] on the straight way from `start` to `goal`, at most `pace` [N] along it."""
+    way = goal - start
+    length = np.linalg.norm(way, axis=1)
+    return np.asarray(start + way * np.minimum(1.0, pace / np.maximum(length, 1e-12))[:, None])
+
+
+def _turn(start: Array, goal: Array, pace_rad: float) -> Array:
+    """[N, 4] on the shorter way from `start` to `goal`, at most `pace_rad` along it."""
+    angle = (poses.rotation(start).inv() * poses.rotation(goal)).magnitude()
+    return poses.between(start, goal, np.minimum(1.0, pace_rad / np.maximum(angle, 1e-12)))
