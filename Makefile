@@ -2,10 +2,11 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help install repro test lint ui thesis lock clean
+.PHONY: help install repro test lint ui watch thesis lock clean
 
 PYTHON ?= python3.11
 PORT ?= 5000
+world ?= door
 VENV := $(CURDIR)/.venv
 BIN := $(VENV)/bin
 # The stamp names the lock that it was installed from: no other lock, and no interrupted install, can pass for it.
@@ -43,6 +44,9 @@ test: lint ## lint, then every test, with a smoke run of the pipeline in a tempo
 
 ui: $(STAMP) ## browse the runs: http://127.0.0.1:5000, or make ui PORT=…
 	$(BIN)/mlflow ui --backend-store-uri "$${MLFLOW_TRACKING_URI:-sqlite:///$(CURDIR)/mlflow.db}" --host 127.0.0.1 --port $(PORT)
+
+watch: $(STAMP) ## film a nominal run, or a recorded failure: make watch world=door failure=3
+	$(BIN)/python -m stages.watch world=$(world) $(if $(failure),failure=$(failure))
 
 thesis: $(STAMP) ## the thesis's budgets, in a clone under build/; finished items land in results/thesis/ (resumable)
 	scripts/thesis.sh

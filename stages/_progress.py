@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 from tqdm import tqdm
@@ -24,3 +24,14 @@ def bar(title: str, unit: str = "it") -> Iterator[Progress]:
         yield show
     finally:
         shown.close()
+
+
+@contextmanager
+def counter(title: str, unit: str, total: int) -> Iterator[Callable[[int], None]]:
+    """Yield a function of how many were finished since its last call."""
+    with tqdm(desc=title, unit=unit, total=total, disable=None, leave=False) as shown:
+
+        def show(more: int) -> None:
+            shown.update(more)
+
+        yield show

@@ -152,7 +152,7 @@ def _run(name: str, schema: type[ConfigT], function: StageFunction[ConfigT], com
     plain = cfg.model_dump(mode="json")
     card = RunCard(
         stage=name,
-        world=cfg.world,
+        world=cfg.subject,
         method=cfg.method,
         seed=cfg.seed,
         config=plain,
@@ -182,7 +182,7 @@ def _log_to(out: Path) -> None:
     logging.basicConfig(
         level=logging.INFO, format="%(asctime)s %(name)s: %(message)s", handlers=[screen, file], force=True
     )
-    for chatty in ("alembic", "mlflow.store.db.utils", "matplotlib", "numba", "git"):
+    for chatty in ("alembic", "mlflow.store.db.utils", "matplotlib", "numba", "git", "OpenGL"):
         logging.getLogger(chatty).setLevel(logging.WARNING)
 
 

@@ -21,13 +21,15 @@ from stages import ROOT
 from stages._stage import stage
 
 DOMAIN_STAGES = ("collect", "fit_transfer", "plan", "evaluate_team")
+WORLD_STAGES = ("discover", "cluster")
+STAGES = (*DOMAIN_STAGES, *WORLD_STAGES, "report")
 
 
 @stage("config", ConfigStageConfig)
 def run(cfg: ConfigStageConfig, out: Path, track: Tracker) -> None:  # noqa: ARG001
-    """Write `out/<item>/<stage>.yaml`; items are the domains and the report. All are valid before one is written."""
-    if unknown := sorted(set(cfg.overrides) - {*DOMAIN_STAGES, "report"}):
-        raise ConfigError(f"overrides: unknown stages {unknown}; allowed: {', '.join((*DOMAIN_STAGES, 'report'))}")
+    """Write `out/<item>/<stage>.yaml`; items are domains, worlds and the report. All must be valid before."""
+    if unknown := sorted(set(cfg.overrides) - set(STAGES)):
+        raise ConfigError(f"overrides: unknown stages {unknown}; allowed: {', '.join(STAGES)}")
     if not (ROOT / "conf" / "experiment" / f"{cfg.preset}.yaml").is_file():
         allowed = sorted(path.stem for path in (ROOT / "conf" / "experiment").glob("*.yaml"))
         raise ConfigError(f"preset: given '{cfg.preset}'; allowed: {', '.join(allowed)}")
@@ -36,7 +38,13 @@ def run(cfg: ConfigStageConfig, out: Path, track: Tracker) -> None:  # noqa: ARG
         for domain in cfg.domains
         for name in DOMAIN_STAGES
     }
-    texts["report/report"] = composed(cfg, "report", [f"preset={cfg.preset}", f"domains=[{','.join(cfg.domains)}]"])
+    texts |= {
+        f"{world}/{name}": composed(cfg, name, [f"world={world}", f"item={world}", f"experiment={cfg.preset}"])
+        for world in cfg.worlds
+        for name in WORLD_STAGES
+    }
+    items = [f"domains=[{','.join(cfg.domains)}]", f"worlds=[{','.join(cfg.worlds)}]"]
+    texts["report/report"] = composed(cfg, "report", [f"preset={cfg.preset}", *items])
     write(out, texts)
 
 

@@ -73,7 +73,7 @@ def test_own_tasks_need_both_files():
     with pytest.raises(ConfigError, match="transfer is missing; give tasks="):
         validate(plan_fields(plain), SCHEMAS["plan"], "test")
     own = validate(plan_fields({**plain, "transfer": "transfer.csv"}), SCHEMAS["plan"], "test")
-    assert (own.world, own.tasks) == ("orders", Path("orders.csv"))
+    assert (own.subject, own.tasks) == ("orders", Path("orders.csv"))
 
 
 def plan_fields(changes):

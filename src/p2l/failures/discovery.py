@@ -14,24 +14,22 @@ Where the thesis is silent:
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal, get_args
 
 import numpy as np
 
 from p2l.errors import ConfigError
 from p2l.failures.record import STRANDED, Failures, Origin
+from p2l.failures.strategy import STRATEGIES
 from p2l.records import BoolArray, IntArray
 from p2l.skills.chain import FINISH, Choose, Execution, Moments, Progress, Watch, in_order, run
 from p2l.skills.option import Option
 from p2l.skills.runner import Reason
-from p2l.worlds.estimator import Mode
 from p2l.worlds.world import NO_FAILURE, Rows, World
 
-Strategy = Literal["pessimistic", "early_termination", "first_flag"]
-STRATEGIES: tuple[str, ...] = get_args(Strategy)
-ESTIMATORS: dict[str, Mode | None] = {"pessimistic": "fixed", "early_termination": "halving", "first_flag": None}
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -59,7 +57,7 @@ def discover(
     """Run one episode from each of `starts` by the strategy of `origin`, and keep the failures.
 
     Args:
-        world: made with the strategy's estimator, see `ESTIMATORS`.
+        world: made with the strategy's estimator, see `strategy.ESTIMATORS`.
         options: its nominal chain.
         starts: start states.
         origin: names the strategy; goes into the record.
@@ -74,19 +72,40 @@ def discover(
 def replay(world: World, options: Sequence[Option], failures: Failures) -> list[Rows]:
     """The way to each failure, from the start of its episode: rows of every control step, the start included.
 
-    Ends with the recorded moment itself, to the bit where the machine computes as the one that recorded it.
+    Ends with the recorded moment; where this machine does not compute as the one that recorded it, a warning says so.
     """
-    kept: list[dict[int, Rows]] = [{0: failures.start.take([index])} for index in range(len(failures))]
+    path = _Path(failures.start)
+    _run(world, options, failures.start, failures.origin, slots=len(failures), watch=path.watch)
+    for index, step in enumerate(failures.step.tolist()):
+        recorded = failures.rows.take([index])
+        again = path.rows[index].get(step)
+        if again is None or not np.array_equal(again.states, recorded.states):
+            log.warning("failure of episode %d: the replay ends elsewhere than recorded", failures.episode[index])
+        path.rows[index][step] = recorded
+    return [path.until(index, int(step)) for index, step in enumerate(failures.step)]
 
-    def watch(episode: IntArray, step: IntArray, rows: Rows) -> None:
+
+def nominal_run(world: World, options: Sequence[Option], start: Rows) -> tuple[Rows, bool]:
+    """The plain chain from one start: rows of every control step, and whether the goal is reached."""
+    path = _Path(start)
+    execution = run(world, options, start, stop_on_failure=False, slots=1, watch=path.watch)
+    return path.until(0, int(execution.last.step[0])), bool(execution.success[0])
+
+
+class _Path:
+    """Rows by control step of a few episodes, as `chain.run` tells them."""
+
+    def __init__(self, start: Rows) -> None:
+        self.rows: list[dict[int, Rows]] = [{0: start.take([index])} for index in range(len(start))]
+
+    def watch(self, episode: IntArray, step: IntArray, rows: Rows) -> None:
+        """Keep a moment of each episode."""
         for place, (index, now) in enumerate(zip(episode.tolist(), step.tolist(), strict=True)):
-            if now <= failures.step[index]:
-                kept[index][now] = rows.take([place])
+            self.rows[index][now] = rows.take([place])
 
-    _run(world, options, failures.start, failures.origin, slots=len(failures), watch=watch)
-    for index, path in enumerate(kept):
-        path[int(failures.step[index])] = failures.rows.take([index])
-    return [Rows.join([path[step] for step in sorted(path)]) for path in kept]
+    def until(self, index: int, last: int) -> Rows:
+        """One episode's rows up to a control step."""
+        return Rows.join([row for step, row in sorted(self.rows[index].items()) if step <= last])
 
 
 def stranded(world: World, options: Sequence[Option], rows: Rows) -> BoolArray:
@@ -150,6 +169,6 @@ def _record(world: World, starts: Rows, moments: Moments, origin: Origin) -> Fai
         option=moments.option,
         kind=np.where(moments.kind == NO_FAILURE, origin.kinds.index(STRANDED), moments.kind),
         step=moments.step,
-        time_s=moments.step * world.engine.control_period_s,
+        time_s=np.round(moments.step * world.engine.control_period_s, 6),
         episode=moments.episode,
     )

@@ -7,7 +7,7 @@ split and says which, so that the two are never mixed.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any, TypeVar
@@ -103,12 +103,13 @@ class Failures:
     def __len__(self) -> int:
         return len(self.rows)
 
-    def take(self, index: IntArray | BoolArray) -> Failures:
+    def take(self, index: IntArray | BoolArray | Sequence[int]) -> Failures:
         """The failures of `index`."""
+        where = np.asarray(index)
         parts: dict[str, Any] = {field.name: getattr(self, field.name) for field in fields(self)}
         origin = parts.pop("origin")
         taken: dict[str, Any] = {
-            name: part[index] if isinstance(part, np.ndarray) else part.take(index) for name, part in parts.items()
+            name: part[where] if isinstance(part, np.ndarray) else part.take(where) for name, part in parts.items()
         }
         return Failures(origin, **taken)
 
@@ -171,6 +172,33 @@ def open_world(failures: Failures, path: Path | str) -> tuple[World, tuple[Optio
     return world, get_options(world.name, world)
 
 
+def check_params(failures: Failures, world: str, params: Mapping[str, Any], path: Path | str) -> None:
+    """Refuse failures of another world or variant than the one asked for; the estimator is the strategy's.
+
+    Raises:
+        ArtifactError: another world, or another value of a parameter.
+    """
+    origin = failures.origin
+    if origin.world != world:
+        raise ArtifactError(f"{path}: holds failures of world '{origin.world}'; expected those of '{world}'")
+    names = sorted(({*params} | {*origin.params}) - {"estimator", "nthread"})
+    if unlike := [name for name in names if params.get(name) != origin.params.get(name)]:
+        told = "; ".join(f"{name} = {origin.params.get(name)}, not {params.get(name)}" for name in unlike)
+        raise ArtifactError(f"{path}: found in another variant of world '{world}' ({told}); discover them for this one")
+
+
+def check_pair(train: Failures, held_out: Failures, path: Path | str) -> None:
+    """Refuse held-out failures that come from another world, strategy or seed than the training failures.
+
+    Raises:
+        ArtifactError: they do.
+    """
+    for name in ("world", "digest", "strategy", "seed"):
+        mine, other = getattr(train.origin, name), getattr(held_out.origin, name)
+        if mine != other:
+            raise ArtifactError(f"{path}: has {name} {other}, the training failures {mine}; discover both in one run")
+
+
 def check_world(failures: Failures, world: World, path: Path | str) -> None:
     """Refuse failures of another world: their rows would mean something else.
 
@@ -178,9 +206,7 @@ def check_world(failures: Failures, world: World, path: Path | str) -> None:
         ArtifactError: another name, other parameters, or another version of the world.
     """
     if failures.origin.world != world.name:
-        raise ArtifactError(
-            f"{path}: holds failures of world '{failures.origin.world}'; expected those of '{world.name}'"
-        )
+        raise ArtifactError(f"{path}: holds failures of world '{failures.origin.world}', not of '{world.name}'")
     if failures.origin.digest != world.digest:
         raise ArtifactError(
             f"{path}: made with other parameters or another version of world '{world.name}' "

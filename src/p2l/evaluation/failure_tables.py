@@ -1,0 +1,96 @@
+"""What discovery and clustering found, as small tables."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from p2l.evaluation.statistics import wilson_interval
+from p2l.failures.clustering import Clustering
+from p2l.failures.discovery import Found
+from p2l.failures.record import SPLITS, Failures
+from p2l.records import IntArray
+
+
+def found_summary(found: Found) -> dict[str, Any]:
+    """A split of discovery in plain numbers; diverged episodes are counted and left out of all others."""
+    execution, failures = found.execution, found.failures
+    sound = ~execution.diverged
+    trials, successes = int(sound.sum()), int(execution.success.sum())
+    failing = np.zeros(len(execution), dtype=np.bool_)
+    failing[failures.episode] = True
+    return {
+        "executions": len(execution),
+        "diverged": int(execution.diverged.sum()),
+        "success": rate(successes, trials),
+        "failures": len(failures),
+        "failing_episodes": int(failing.sum()),
+        "unrecorded_failing_episodes": int((sound & ~execution.success & ~failing).sum()),
+        "control_steps": int(execution.last.step.sum()),
+        "by_option": by_option(failures),
+    }
+
+
+def found_metrics(summary: Mapping[str, Any]) -> dict[str, float]:
+    """Headline numbers of `discover`'s summary, for the tracker."""
+    numbers: dict[str, float] = {key: summary[key] for key in ("episodes_per_s", "control_steps_per_s")}
+    for split in SPLITS:
+        part = summary[split]
+        numbers |= {f"{split}/{key}": part[key] for key in ("failures", "failing_episodes", "diverged")}
+        if part["success"]["mean"] is not None:
+            numbers[f"{split}/success"] = part["success"]["mean"]
+        for option, told in part["by_option"].items():
+            numbers |= {f"{split}/{option}/{kind}": share for kind, share in told["share"].items()}
+    return numbers
+
+
+def rate(successes: int, trials: int) -> dict[str, float | None]:
+    """A success rate with its 95 % Wilson interval; no rate without trials."""
+    low, high = wilson_interval(successes, trials)
+    mean = successes / trials if trials else None
+    return {"mean": mean, "low": float(low), "high": float(high), "trials": trials}
+
+
+def by_option(failures: Failures) -> dict[str, dict[str, Any]]:
+    """For every option of the chain: its failures, and the share of each kind among them."""
+    pairs = Counter(zip(failures.option_names(), failures.kind_names(), strict=True))
+    table = {}
+    for option in failures.origin.options:
+        counts = {kind: pairs[option, kind] for kind in failures.origin.kinds if pairs[option, kind]}
+        total = sum(counts.values())
+        table[option] = {"failures": total, "share": {kind: count / total for kind, count in counts.items()}}
+    return table
+
+
+def mode_table(clustering: Clustering, train: Failures, held_out_mode: IntArray, members: IntArray) -> pd.DataFrame:
+    """One row per mode.
+
+    Args:
+        clustering: of the training failures.
+        train: the training failures.
+        held_out_mode: [H] modes of the held-out failures, by the classifier.
+        members: [K] the typical member of each mode, an index into `train`.
+
+    Returns:
+        mode, size, weight |ρ_f|/Σ|ρ|, held_out (number), typical, probability (mean of the members'), then shares of
+        kinds (`kind:<name>`) and options (`option:<name>`), then means of features (`mean:<column>`).
+    """
+    modes = clustering.modes
+    values = modes.features(train.truth)
+    kinds, options = np.array(train.kind_names()), np.array(train.option_names())
+    rows = []
+    for mode, (size, weight) in enumerate(zip(modes.sizes.tolist(), modes.share.tolist(), strict=True)):
+        mine = clustering.mode == mode
+        row: dict[str, Any] = {"mode": mode, "size": size, "weight": weight}
+        row |= {"held_out": int((held_out_mode == mode).sum()), "typical": int(members[mode])}
+        row["probability"] = float(clustering.probability[mine].mean())
+        row |= {f"kind:{kind}": float((kinds[mine] == kind).mean()) for kind in train.origin.kinds}
+        row |= {f"option:{option}": float((options[mine] == option).mean()) for option in train.origin.options}
+        means = values[mine].mean(axis=0)
+        row |= {f"mean:{column}": float(value) for column, value in zip(modes.columns, means, strict=True)}
+        rows.append(row)
+    return pd.DataFrame(rows)

@@ -1,0 +1,43 @@
+"""What each stage's configuration may hold: types, ranges, and one message that names every wrong key.
+
+Hydra composes, this validates: unknown keys are refused and every number has a range. One model per stage; a value is
+read by the stage of the same name, so a field lives where it is used. `resolve` turns a composed Hydra configuration
+into plain data, `validate` turns plain data into a frozen model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from p2l.schema.base import StageConfig, resolve, validate
+from p2l.schema.pipeline import ConfigStageConfig, ReportConfig
+from p2l.schema.recovery import ClusterConfig, DiscoverConfig, WatchConfig
+from p2l.schema.team import CollectConfig, EvaluateTeamConfig, FitTransferConfig, PlanConfig
+
+SCHEMAS: Mapping[str, type[StageConfig]] = {
+    "collect": CollectConfig,
+    "fit_transfer": FitTransferConfig,
+    "plan": PlanConfig,
+    "evaluate_team": EvaluateTeamConfig,
+    "discover": DiscoverConfig,
+    "cluster": ClusterConfig,
+    "watch": WatchConfig,
+    "report": ReportConfig,
+    "config": ConfigStageConfig,
+}
+
+__all__ = [
+    "SCHEMAS",
+    "ClusterConfig",
+    "CollectConfig",
+    "ConfigStageConfig",
+    "DiscoverConfig",
+    "EvaluateTeamConfig",
+    "FitTransferConfig",
+    "PlanConfig",
+    "ReportConfig",
+    "StageConfig",
+    "WatchConfig",
+    "resolve",
+    "validate",
+]

@@ -1,0 +1,114 @@
+"""What every configuration obeys, and how one is checked: types, ranges, one message that names every wrong key."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from difflib import get_close_matches
+from typing import Annotated, Any, TypeVar, cast
+
+from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from p2l.artifacts import config_hash
+from p2l.errors import ConfigError
+
+Count = Annotated[int, Field(ge=1)]
+Positive = Annotated[float, Field(gt=0)]
+NotNegative = Annotated[float, Field(ge=0)]
+Probability = Annotated[float, Field(ge=0, le=1)]
+ModelT = TypeVar("ModelT", bound=BaseModel)
+
+
+class Section(BaseModel):
+    """Part of a configuration: frozen, no unknown keys, no NaN or infinity, no number written as text."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+
+
+class TrackingConfig(Section):
+    """Where metrics go; `uri: null` means `MLFLOW_TRACKING_URI`, else the repository's own sqlite store."""
+
+    enabled: bool = True
+    uri: str | None = None
+
+
+class StageConfig(Section):
+    """What every stage's configuration holds."""
+
+    seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
+    tracking: TrackingConfig = TrackingConfig()
+
+    @property
+    def hash(self) -> str:
+        """Identifies the work: hash of everything but `tracking`. Checkpoints carry it in their names."""
+        return config_hash(self.model_dump(mode="json", exclude={"tracking"}))
+
+    @property
+    def subject(self) -> str:
+        """What it works on, in run names and tags."""
+        return "all"
+
+    @property
+    def method(self) -> str:
+        """The method's name in run names and tags."""
+        return "all"
+
+
+def resolve(composed: DictConfig) -> dict[str, Any]:
+    """Plain data of a composed configuration; the preset's table of budgets (`experiment`) has done its work and goes.
+
+    Raises:
+        ConfigError: an interpolation points nowhere, or a value is missing (`???`).
+    """
+    try:
+        data = cast(dict[str, Any], OmegaConf.to_container(composed, resolve=True, throw_on_missing=True))
+    except OmegaConfBaseException as error:
+        raise ConfigError(f"configuration: {str(error).splitlines()[0]} (key '{error.full_key or '?'}')") from error
+    return {key: value for key, value in data.items() if key not in ("experiment", "hydra")}
+
+
+def validate(data: Mapping[str, Any], model: type[ModelT], where: str) -> ModelT:
+    """A frozen `model` of `data`.
+
+    Args:
+        data: plain data.
+        model: the schema.
+        where: what the message names, e.g. `configuration`.
+
+    Raises:
+        ConfigError: one line for each wrong key: what was given and what is allowed.
+    """
+    try:
+        return model.model_validate_json(json.dumps(data))  # strict, and yet a list is a tuple and a text a path
+    except ValidationError as error:
+        lines = [_line(dict(problem), model) for problem in error.errors(include_url=False, include_context=True)]
+    raise ConfigError("\n  ".join([f"{where} refused:", *lines]))
+
+
+def _line(problem: Mapping[str, Any], model: type[BaseModel]) -> str:
+    place = tuple(problem["loc"])
+    key = ".".join(str(part) for part in place) or "configuration"
+    given = str(problem["input"])
+    given = given if len(given) <= 80 else given[:77] + "..."
+    if problem["type"] == "extra_forbidden":
+        allowed = sorted(_section(model, place[:-1]).model_fields)
+        close = get_close_matches(str(place[-1]), allowed, n=1)
+        hint = f"did you mean '{close[0]}'? " if close else ""
+        return f"{key}: unknown key; {hint}allowed: {', '.join(allowed)}"
+    message = str(problem["msg"]).removeprefix("Value error, ")
+    if problem["type"] == "missing":
+        return f"{key}: missing"
+    return f"{key}: {message}" if not place else f"{key}: given {given!r}; {message[0].lower()}{message[1:]}"
+
+
+def _section(model: type[BaseModel], place: tuple[Any, ...]) -> type[BaseModel]:
+    """The nested model at `place`."""
+    for part in place:
+        field = model.model_fields.get(str(part))
+        inner = field.annotation if field else None
+        if not (isinstance(inner, type) and issubclass(inner, BaseModel)):
+            break
+        model = inner
+    return model

@@ -1,0 +1,46 @@
+"""Configurations of the stages that see the whole pipeline: `config` and `report`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import AfterValidator, Field, model_validator
+
+from p2l.schema.base import StageConfig
+from p2l.schema.team import known_domain
+
+
+def _known_domains(names: tuple[str, ...]) -> tuple[str, ...]:
+    if not names:
+        raise ValueError("name at least one domain")
+    return tuple(known_domain(name) for name in names)
+
+
+class ItemsConfig(StageConfig):
+    """What the pipeline runs (see `conf/pipeline.yaml`): `worlds` are names of files in `conf/world/`."""
+
+    preset: str
+    domains: tuple[str, ...]
+    worlds: tuple[str, ...]
+    overrides: dict[str, tuple[str, ...]] = Field(default_factory=dict)
+
+
+class ReportConfig(ItemsConfig):
+    """Stage `report`: tables, figures and one page out of what the other stages left."""
+
+    data: Path
+    thesis: Path
+
+
+class ConfigStageConfig(ItemsConfig):
+    """Stage `config`: composes and validates the configuration of every other stage."""
+
+    domains: Annotated[tuple[str, ...], AfterValidator(_known_domains)]
+
+    @model_validator(mode="after")
+    def _no_item_twice(self) -> ConfigStageConfig:
+        items = [*self.domains, *self.worlds]
+        if twice := sorted({item for item in items if items.count(item) > 1}):
+            raise ValueError(f"domains and worlds name {', '.join(twice)} twice; none twice, for each has one folder")
+        return self

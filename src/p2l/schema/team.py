@@ -1,0 +1,185 @@
+"""Configurations of the team's stages (chapter 3): `collect`, `fit_transfer`, `plan`, `evaluate_team`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, Field, model_validator
+
+from p2l.artifacts import config_hash
+from p2l.errors import ConfigError
+from p2l.registry import known_domains
+from p2l.schema.base import Count, NotNegative, Positive, Probability, Section, StageConfig
+from p2l.team.study import Regime, Study
+
+
+def known_domain(name: str) -> str:
+    """Refuse a domain that is not registered."""
+    if name not in known_domains():
+        raise ValueError(f"unknown domain; allowed: {', '.join(known_domains())}")
+    return name
+
+
+class CostsConfig(Section):
+    """The four costs of the thesis (section 3.3.1), in any one unit of effort."""
+
+    c_rob: NotNegative
+    c_hum: NotNegative
+    c_fail: NotNegative
+    c_demo: NotNegative
+
+
+class DomainConfig(Section):
+    """A registered task distribution; `params` go to its constructor, which refuses those it does not know."""
+
+    name: Annotated[str, AfterValidator(known_domain)]
+    params: dict[str, Any] = Field(default_factory=dict)
+
+
+class DomainStageConfig(StageConfig):
+    """Configuration of a stage that works on one domain."""
+
+    domain: DomainConfig
+
+    @property
+    def subject(self) -> str:
+        """The domain's name."""
+        return self.domain.name
+
+
+class RegimeConfig(CostsConfig):
+    """Costs that all tasks share, and the numbers of pre-trained skills at which they are studied."""
+
+    levels: Annotated[tuple[Annotated[int, Field(ge=0)], ...], Field(min_length=1)]
+
+
+class StudyConfig(Section):
+    """An experiment of chapter 3; see `p2l.team.study.Study` for the meaning of each field."""
+
+    set_size: Count
+    sets: Count
+    blocks: Count
+    pool: Count
+    pretrained_pool: Annotated[int, Field(ge=0)]
+    draws: Count
+    tuning_sets: Count
+    theta: Probability
+    orders: tuple[tuple[str, ...], ...]
+    regimes: Annotated[dict[str, RegimeConfig], Field(min_length=1)]
+
+    @model_validator(mode="after")
+    def _possible(self) -> StudyConfig:
+        try:
+            self.study()
+        except ConfigError as error:
+            raise ValueError(str(error)) from None
+        return self
+
+    def study(self) -> Study:
+        """The frozen record that the planner's room works with."""
+        plain = self.model_dump(exclude={"regimes"})
+        regimes = tuple(Regime(name=name, **regime.model_dump()) for name, regime in self.regimes.items())
+        return Study(regimes=regimes, **plain)
+
+
+class StudyStageConfig(DomainStageConfig):
+    """Configuration of a stage that works on the sets of a study."""
+
+    study: StudyConfig
+
+    @property
+    def identity(self) -> str:
+        """Hash of what decides a block's truth besides its tasks: world, learner and draws, whatever runs them."""
+        world = {key: value for key, value in self.domain.params.items() if key != "nthread"}
+        return config_hash([self.domain.name, world, self.seed, self.study.draws])
+
+
+class CollectConfig(DomainStageConfig):
+    """Stage `collect` (Algorithm 1): tasks, skills learnt on some of them, and every skill tried on every task."""
+
+    n_tasks: Count
+    n_taught: Count
+    draws: Count
+
+    @property
+    def method(self) -> str:
+        """The only one."""
+        return "algorithm1"
+
+    @model_validator(mode="after")
+    def _taught_are_tasks(self) -> CollectConfig:
+        if self.n_taught > self.n_tasks:
+            raise ValueError(f"n_taught = {self.n_taught} exceeds n_tasks = {self.n_tasks}")
+        return self
+
+
+class FitTransferConfig(DomainStageConfig):
+    """Stage `fit_transfer`: the network that predicts how well the skill of one task does on another."""
+
+    transfer_data: Path
+    hidden: Count
+    epochs: Count
+    learning_rate: Positive
+    weight_decay: NotNegative
+    batch_size: Count
+    members: Annotated[int, Field(ge=2)]
+    patience: Count
+    holdout: Annotated[float, Field(gt=0, lt=1)]
+    calibrate: bool
+
+    @property
+    def method(self) -> str:
+        """The predictor."""
+        return "mlp"
+
+
+class PlanConfig(StudyStageConfig):
+    """Stage `plan`: a person's own tasks (`tasks` and `transfer` given), else sets drawn from the domain.
+
+    Planners: see `p2l.team.PLANNERS`; the stage refuses an unknown one. `theta` is the confidence of CBA.
+    """
+
+    tasks: Path | None
+    transfer: Path | None
+    transfer_model: Path
+    transfer_data: Path
+    planner: str
+    order: Literal["fixed", "any"]
+    time_limit_s: Positive
+    gap: NotNegative
+    theta: Probability
+
+    @model_validator(mode="after")
+    def _both_files(self) -> PlanConfig:
+        if (self.tasks is None) != (self.transfer is None):
+            missing = "transfer" if self.transfer is None else "tasks"
+            raise ValueError(f"{missing} is missing; give tasks=<orders.csv> and transfer=<transfer.csv> together")
+        given = {"planner": self.planner != "auto", "order": self.order != "fixed", "gap": self.gap != 0.0}
+        if self.tasks is None and any(given.values()):
+            names = ", ".join(name for name, changed in given.items() if changed)
+            raise ValueError(f"{names}: only for your own tasks (tasks=… transfer=…); a study compares all planners")
+        return self
+
+    @property
+    def subject(self) -> str:
+        """The domain, or the name of the person's file."""
+        return self.domain.name if self.tasks is None else self.tasks.stem
+
+    @property
+    def method(self) -> str:
+        """The planner."""
+        return self.planner
+
+
+class EvaluateTeamConfig(StudyStageConfig):
+    """Stage `evaluate_team`: plans run in the world they were made for."""
+
+    plans: Path
+    records: Path | None
+    time_limit_s: Positive
+
+    @property
+    def method(self) -> str:
+        """All planners are compared."""
+        return "planners"

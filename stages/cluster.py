@@ -1,0 +1,61 @@
+"""Stage `cluster`: group failures into modes, draw them, and film a typical member of each (thesis, section 4.3.1)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from p2l.artifacts import atomic, save_arrays, save_json
+from p2l.evaluation.failure_figures import mode_figure
+from p2l.evaluation.failure_tables import mode_table
+from p2l.evaluation.failure_videos import film, skip
+from p2l.evaluation.style import png
+from p2l.evaluation.videos import VideoOptions
+from p2l.failures.classifier import save_modes
+from p2l.failures.clustering import ClusterOptions, cluster, typical
+from p2l.failures.record import check_pair, check_params, load_failures, open_world
+from p2l.schema import ClusterConfig
+from p2l.seeding import entropy
+from p2l.tracking import Tracker
+from stages._stage import stage
+
+
+@stage("cluster", ClusterConfig)
+def run(cfg: ClusterConfig, out: Path, track: Tracker) -> None:
+    """Write modes.npz, labels.npz, modes.csv, modes.png, summary.json and videos/."""
+    train, held_out = load_failures(cfg.failures, "train"), load_failures(cfg.held_out, "held_out")
+    check_params(train, cfg.world.name, cfg.world.params, cfg.failures)
+    check_pair(train, held_out, cfg.held_out)
+    world, options = open_world(train, cfg.failures)
+    shared = {name: getattr(cfg, name) for name in ("max_modes", "covariance", "regularisation", "restarts")}
+    wanted = ClusterOptions(modes=getattr(cfg.modes, train.origin.strategy), **shared)
+    found = cluster(world, train, wanted, entropy(cfg.seed, "cluster", world.name) % 2**32)
+    members = typical(found, train)
+    mode, probability = found.modes.classify(held_out.truth)
+    table = mode_table(found, train, mode, members)
+    title = f"{cfg.item}: {len(train)} failures in {len(table)} modes ({train.origin.strategy.replace('_', ' ')})"
+    picture = png(mode_figure(found, train, table, title))
+
+    save_modes(out / "modes.npz", found.modes)
+    labels = {"train": found.mode, "train_probability": found.probability}
+    labels |= {"held_out": mode, "held_out_probability": probability}
+    save_arrays(out / "labels.npz", labels, schema="failure_labels", version=1)
+    with atomic(out / "modes.csv") as temporary:
+        table.to_csv(temporary, index=False, float_format="%.6g")
+    with atomic(out / "modes.png") as temporary:
+        temporary.write_bytes(picture)
+    bic = {str(number): value for number, value in found.bic.items()}
+    facts = {"strategy": train.origin.strategy, "failures": len(train), "held_out": len(held_out), "bic": bic}
+    save_json(out / "summary.json", {**facts, "modes": table.to_dict("records")}, schema="cluster_summary", version=1)
+    track.metrics({"failures": len(train), "modes": len(table), "probability": float(found.probability.mean())})
+    track.metrics({f"weight/{number}": weight for number, weight in enumerate(table["weight"])})
+    if cfg.videos:
+        names = [f"mode_{number}" for number in range(len(table))]
+        film(out / "videos", names, world, options, train.take(members), VideoOptions(**cfg.video.model_dump()))
+    else:
+        skip(out / "videos", "videos=false")
+    for path in [out / "modes.png", out / "modes.csv", *sorted((out / "videos").glob("*.mp4"))]:
+        track.artifact(path)
+
+
+if __name__ == "__main__":
+    run()
