@@ -205,7 +205,7 @@ def _compile(
         _body(spec, name).mocap = True
     for name, on in {"grip": grip_site, **tracked}.items():
         site = spec.site(on) is not None
-        kind = mujoco.mjtObj.mjOBJ_SITE if site else mujoco.mjtObj.mjOBJ_BODY
+        kind = mujoco.mjtObj.mjOBJ_SITE if site else mujoco.mjtObj.mjOBJ_XBODY  # BODY would be the frame of its inertia
         on_name = on if site else _body(spec, on).name
         spec.add_sensor(name=f"{name}_pos", type=mujoco.mjtSensor.mjSENS_FRAMEPOS, objtype=kind, objname=on_name)
         spec.add_sensor(name=f"{name}_quat", type=mujoco.mjtSensor.mjSENS_FRAMEQUAT, objtype=kind, objname=on_name)
