@@ -5,7 +5,8 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from p2l.errors import ConfigError
-from p2l.recoveries.chaining.pool import Limits, Pool
+from p2l.recoveries.chaining.mdp import Limits
+from p2l.recoveries.chaining.pool import Pool
 from p2l.skills import chain
 from p2l.skills.primitives import PRIMITIVES, STEPS
 from p2l.worlds.world import NO_FAILURE
@@ -93,8 +94,8 @@ def test_a_flag_after_the_first_quiet_step_absorbs(world):
     rows.states[:, 2] = 0.05  # the block lies 5 cm beside the hand's way
     rows.sensors[:] = world.engine.sense(rows.states, np.zeros((1, 6)), rows.model)
     made = pool(world, rows, 1)
-    decisions = 0
-    while decisions == 0 or not told.over[0]:
+    decisions, told = 0, None
+    while told is None or not told.over[0]:
         made.act(np.array([0]), np.array([0]))
         told = made.poll()
         decisions += 1

@@ -12,63 +12,25 @@ Deviations from the thesis, and readings of it:
 1. At the start the detector that fired is often still firing (the hand presses on what it hit). Flags count from the
    first control step on that raises none; otherwise no first action could be anything but a failure.
 2. Time is counted in control steps, options included, so that methods with long options are charged for them.
+3. A learner may judge decisions in its own way (a learnt precondition, a dense reward), have no nominal options, or
+   end an episode unsimulated (`settle`); it is the same MDP otherwise.
 
-Axis letters: B slots, K transitions, O observation columns, A actions.
+Axis letters: B slots, K decisions, O observation columns.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 
 import numpy as np
 
-from p2l.errors import ConfigError
+from p2l.errors import ConfigError, ShapeError
 from p2l.records import Array, BoolArray, IntArray
+from p2l.recoveries.chaining.mdp import Judge, Limits, Played, Starts, Transitions, Watch, task_success
 from p2l.skills.option import Option
 from p2l.skills.runner import Reason, Runner
 from p2l.worlds.observation import Observation
 from p2l.worlds.world import Rows, World
-
-Starts = Callable[[int], Rows]
-
-
-@dataclass(frozen=True)
-class Limits:
-    """Bounds of an episode (thesis settings).
-
-    Attributes:
-        decisions: most decisions of an episode.
-        primitive_steps: most control steps spent in primitives.
-        history: observations that a state is made of, the newest first.
-    """
-
-    decisions: int = 10
-    primitive_steps: int = 100
-    history: int = 1
-
-
-@dataclass(frozen=True)
-class Transitions:
-    """K decisions that have played out.
-
-    Attributes:
-        slot: [K] where.
-        observation: [K, O] the state after the decision (of the ended episode where `over`).
-        reward: [K] 1 where the task is done.
-        over: [K] the episode has ended.
-        cut: [K] it ended by a bound on its length, not by success, failure or an option: not a terminal state.
-        steps: [K] control steps the decision took.
-        next_observation: [K, O] what the slot's next decision is made on: `observation`, or a new episode's start.
-    """
-
-    slot: IntArray
-    observation: Array
-    reward: Array
-    over: BoolArray
-    cut: BoolArray
-    steps: IntArray
-    next_observation: Array
 
 
 class Pool:
@@ -81,6 +43,12 @@ class Pool:
         starts: gives n recorded failures to start from.
         slots: B.
         limits: bounds of an episode.
+        judge: the reward of each decision [K], and whether it ends the episode [K].
+
+    Attributes:
+        waiting: [B] slots that wait for a decision.
+        control_steps: simulated so far.
+        timeouts: nominal options that did not end by themselves.
     """
 
     def __init__(
@@ -91,12 +59,11 @@ class Pool:
         starts: Starts,
         slots: int,
         limits: Limits | None = None,
+        judge: Judge = task_success,
     ) -> None:
-        self.world, self.limits = world, limits or Limits()
-        if self.limits.history < 1 or self.limits.decisions < 1:
-            raise ConfigError(f"recovery episodes need at least one decision and one observation, got {self.limits}")
+        self.world, self.limits, self._judge = world, limits or Limits(), judge
         self._primitives, self._chain = len(primitives), len(nominal)
-        self.actions = tuple([option.name for option in primitives] + [f"from {option.name}" for option in nominal])
+        self.actions = action_names(primitives, nominal)
         self._starts = starts
         self._runner = Runner(world, (*primitives, *nominal), slots)
         self._history: list[Array] = []
@@ -104,10 +71,9 @@ class Pool:
         self._primitive_steps = np.zeros(slots, dtype=np.int64)
         self._before = np.zeros(slots, dtype=np.int64)
         self._columns: tuple[str, ...] = ()
-        self.control_steps = 0
-        every = np.arange(slots)
+        self.control_steps = self.timeouts = 0
         self.waiting = np.ones(slots, dtype=np.bool_)
-        self._renew(every)
+        self.reset()
 
     def __len__(self) -> int:
         return len(self.waiting)
@@ -122,32 +88,60 @@ class Pool:
         """[B, O] the present state of every slot; meaningful where `waiting`."""
         return np.concatenate(self._history, axis=1)
 
+    def reset(self) -> None:
+        """A new episode in every slot, whatever is under way."""
+        every = np.arange(len(self))
+        self.waiting[every] = True
+        self._renew(every)
+        self._begun = self._runner.rows.take(every)
+
     def act(self, slots: IntArray, actions: IntArray) -> None:
         """Start `actions` [K] in `slots` [K].
 
         Raises:
             ConfigError: a slot is not waiting, or there is no such action.
         """
-        if not self.waiting[slots].all():
-            raise ConfigError(f"pool: slots {slots[~self.waiting[slots]].tolist()} are busy; poll first")
+        self._refuse_busy(slots)
         if not np.isin(actions, np.arange(len(self.actions))).all():
             raise ConfigError(f"pool: actions must lie in [0, {len(self.actions)}), got {actions.tolist()}")
         self.waiting[slots] = False
         self._before[slots] = self._runner.steps_total[slots]
+        self._begun.put(slots, self._runner.rows.take(slots))
         self._runner.begin(slots, actions)
 
-    def poll(self) -> Transitions:
+    def settle(self, slots: IntArray, reward: Array) -> Transitions:
+        """End the episodes of `slots` [K] with `reward` [K], simulating nothing; `done` says whether it is positive.
+
+        Raises:
+            ConfigError: a slot is not waiting.
+        """
+        self._refuse_busy(slots)
+        observation = self.observation[slots].copy()
+        self._renew(slots)
+        yes, no = np.ones(len(slots), dtype=np.bool_), np.zeros(len(slots), dtype=np.bool_)
+        steps = np.zeros(len(slots), dtype=np.int64)
+        return Transitions(slots, observation, reward, reward > 0.0, yes, no, steps, self.observation[slots].copy())
+
+    def poll(self, watch: Watch | None = None) -> Transitions:
         """Advance until at least one decision has played out.
+
+        Args:
+            watch: told after every control step which slots were busy, and their rows.
 
         Raises:
             ConfigError: nobody is busy.
+            ShapeError: a reward or an observation is not finite.
         """
         if not self._runner.busy.any():
             raise ConfigError("pool: every slot waits for a decision; act first")
         while True:
-            before = int(self._runner.steps_total.sum())
+            before, busy = int(self._runner.steps_total.sum()), np.flatnonzero(self._runner.busy)
             events = self._runner.advance()
             self.control_steps += int(self._runner.steps_total.sum()) - before
+            if watch is not None:
+                watch(busy, self._runner.rows.take(busy))
+            nominal = self._runner.option[events.slot] >= self._primitives
+            self.timeouts += int((nominal & (events.reason == Reason.TIMEOUT)).sum())
             going = self._goes_on(events.slot, events.reason)
             if going.any():
                 self._runner.begin(events.slot[going], self._runner.option[events.slot[going]] + 1)
@@ -165,19 +159,23 @@ class Pool:
         nominal = self._runner.option[slot] >= self._primitives
         steps = self._runner.steps_total[slot] - self._before[slot]
         failed = (reason == Reason.FAILED) | (reason == Reason.DIVERGED)
-        reward = (self.world.goal(rows) & ~failed).astype(np.float64)
+        done = self.world.goal(rows) & ~failed
         self._decisions[slot] += 1
         self._primitive_steps[slot] += np.where(nominal, 0, steps)
         spent = self._decisions[slot] >= self.limits.decisions
         spent |= self._primitive_steps[slot] >= self.limits.primitive_steps
-        ended = nominal | failed | (reward > 0.0)
-        over = ended | spent
         self._observe(slot)
         observation = self.observation[slot].copy()
+        reward, ends = self._judge(Played(self._begun.take(slot), rows, observation, done, failed))
+        if not np.isfinite(reward).all():
+            raise ShapeError(f"{self.world.name}: the reward of a decision is NaN or infinite")
+        ended = nominal | failed | ends
+        over = ended | spent
         if over.any():
             self._renew(slot[over])
         self.waiting[slot] = True
-        return Transitions(slot, observation, reward, over, over & ~ended, steps, self.observation[slot].copy())
+        cut, following = over & ~ended, self.observation[slot].copy()
+        return Transitions(slot, observation, reward, done, over, cut, steps, following)
 
     def _renew(self, slots: IntArray) -> None:
         """New episodes from recorded failures."""
@@ -187,7 +185,7 @@ class Pool:
         self._runner.stop(slots)
         self._decisions[slots] = 0
         self._primitive_steps[slots] = 0
-        seen = self.world.observe(rows)
+        seen = seen_in(self.world, rows, self.limits)
         if not self._history:
             self._history = [np.zeros((len(self), seen.values.shape[1])) for _ in range(self.limits.history)]
             self._columns = Observation.stack([seen] * self.limits.history).names
@@ -198,4 +196,33 @@ class Pool:
         """Shift the history of `slots` and put the present observation first."""
         for newer, older in zip(reversed(self._history[:-1]), reversed(self._history[1:]), strict=True):
             older[slots] = newer[slots]
-        self._history[0][slots] = self.world.observe(self._runner.rows.take(slots)).values
+        self._history[0][slots] = seen_in(self.world, self._runner.rows.take(slots), self.limits).values
+
+    def _refuse_busy(self, slots: IntArray) -> None:
+        if not self.waiting[slots].all():
+            raise ConfigError(f"pool: slots {slots[~self.waiting[slots]].tolist()} are busy; poll first")
+
+
+def action_names(primitives: Sequence[Option], nominal: Sequence[Option]) -> tuple[str, ...]:
+    """A names: the primitives, then each nominal option as the one that the chain goes on from."""
+    return tuple([option.name for option in primitives] + [f"from {option.name}" for option in nominal])
+
+
+def seen_in(world: World, rows: Rows, limits: Limits) -> Observation:
+    """One observation of the state: the fields that `limits` names, or all.
+
+    Raises:
+        ShapeError: no such field, or NaN.
+    """
+    seen = world.observe(rows)
+    if limits.fields:
+        seen = Observation.of({name: seen[name] for name in limits.fields})
+    if not np.isfinite(seen.values).all():
+        bad = [name for name in seen.columns if not np.isfinite(seen[name]).all()]
+        raise ShapeError(f"{world.name}: the observation holds NaN or infinity in {', '.join(bad)}")
+    return seen
+
+
+def first_state(world: World, rows: Rows, limits: Limits) -> Observation:
+    """The state [N, O] at the start of an episode: there is nothing to remember, so the observation repeats."""
+    return Observation.stack([seen_in(world, rows, limits)] * limits.history)

@@ -1,0 +1,84 @@
+"""What a learner brings to PPO: its actions, its reward, where its episodes start, how its policy acts afterwards.
+
+A learner is one file with a function `learner(task, **settings) -> Learner`, and one line in `learners`.
+
+Axis letters: K rows, O observation columns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from p2l.errors import ConfigError
+from p2l.records import Array, IntArray
+from p2l.recoveries.chaining.mdp import Judge, Limits, task_success
+from p2l.recoveries.chaining.pool import Pool
+from p2l.recoveries.chaining.preconditions import Preconditions
+from p2l.recoveries.chaining.shortcut import Shortcut
+from p2l.skills.option import Option
+from p2l.skills.primitives import PRIMITIVES, Primitive
+from p2l.worlds.world import Rows, World
+
+Act = Callable[[Array], IntArray]
+
+
+@dataclass(frozen=True)
+class Task:
+    """What a recovery is learnt for.
+
+    Attributes:
+        world: where.
+        nominal: the chain π_1 … π_k.
+        failures: recorded failures.
+        seed: of the run; a learner derives its own generators from it.
+    """
+
+    world: World
+    nominal: Sequence[Option]
+    failures: Rows
+    seed: int
+
+    def __post_init__(self) -> None:
+        if not len(self.failures):
+            raise ConfigError(
+                f"no failures of world '{self.world.name}' to recover from; find some with "
+                f"`python -m stages.discover world={self.world.name}`, with more executions or more noise"
+            )
+
+
+@dataclass(frozen=True)
+class Learner:
+    """An MDP, and how what is learnt in it acts.
+
+    Attributes:
+        limits: bounds of an episode.
+        starts: its episodes start here.
+        primitives: the agent's own actions.
+        options: whether the nominal options are its actions, too.
+        judge: the reward of a decision.
+        shortcut: options that need not be simulated.
+        preconditions: hand over to the best nominal controller where one of them holds, or at the episode's bounds.
+        whole_task: it does without the nominal controllers, from the task's start.
+    """
+
+    limits: Limits
+    starts: Rows
+    primitives: tuple[Primitive, ...] = PRIMITIVES
+    options: bool = True
+    judge: Judge = task_success
+    shortcut: Shortcut | None = None
+    preconditions: Preconditions | None = None
+    whole_task: bool = False
+
+    def pool(self, task: Task, rng: np.random.Generator, slots: int, starts: Rows | None = None) -> Pool:
+        """The MDP it learns in; every episode starts at one of `starts`, drawn by `rng`."""
+        rows = self.starts if starts is None else starts
+        nominal = task.nominal if self.options else ()
+
+        def some(n: int) -> Rows:
+            return rows.take(rng.integers(len(rows), size=n))
+
+        return Pool(task.world, nominal, self.primitives, some, slots, self.limits, self.judge)

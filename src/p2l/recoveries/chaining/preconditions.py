@@ -1,0 +1,127 @@
+"""Preconditions of the nominal controllers as a deployed robot sees them, learnt offline from nominal trajectories.
+
+For the baseline that learns to reach them (thesis, section 5.3.3): each control step of a nominal run is a state in
+which the controller that is running may be started, labelled by whether the task was done in the end.
+
+Axis letters: K rows, O observation columns, F features, I nominal controllers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from p2l.errors import ConfigError
+from p2l.preconditions.classifier import PreconditionClassifier, fit_classifier
+from p2l.records import Array, BoolArray, IntArray
+from p2l.skills.chain import run
+from p2l.skills.option import Option
+from p2l.worlds.observation import Observation
+from p2l.worlds.world import Rows, World
+
+
+@dataclass(frozen=True)
+class Preconditions:
+    """One classifier for each nominal controller.
+
+    Attributes:
+        classifiers: I of them, over the same features.
+        threshold: probability from which a precondition counts as met.
+    """
+
+    classifiers: tuple[PreconditionClassifier, ...]
+    threshold: float
+
+    def score(self, observation: Array) -> Array:
+        """[K, I] probabilities; the features are the first columns of [K, O], the present observation."""
+        width = len(self.classifiers[0].feature_names)
+        return np.stack([one.probability(observation[:, :width]) for one in self.classifiers], axis=1)
+
+    def met(self, observation: Array) -> BoolArray:
+        """[K] whether one of them holds."""
+        return np.asarray(self.score(observation).max(axis=1) >= self.threshold)
+
+    def best(self, observation: Array) -> IntArray:
+        """[K] the controller that is likeliest to succeed."""
+        return np.asarray(self.score(observation).argmax(axis=1))
+
+    def arrays(self) -> dict[str, npt.NDArray[Any]]:
+        """For `artifacts.save_arrays`."""
+        parts = {f"{i}.{key}": value for i, one in enumerate(self.classifiers) for key, value in one.arrays().items()}
+        return parts | {"threshold": np.array(self.threshold), "count": np.array(len(self.classifiers))}
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, npt.NDArray[Any]]) -> Preconditions:
+        """From what `arrays` gave."""
+        made = []
+        for i in range(int(arrays["count"])):
+            mine = {key.partition(".")[2]: value for key, value in arrays.items() if key.startswith(f"{i}.")}
+            made.append(PreconditionClassifier.from_arrays(mine))
+        return cls(tuple(made), float(arrays["threshold"]))
+
+
+@dataclass(frozen=True)
+class Visited:
+    """K states on nominal trajectories.
+
+    Attributes:
+        seen: [K] observations.
+        option: [K] controller that was running.
+        success: [K] whether its episode ended well.
+    """
+
+    seen: Observation
+    option: IntArray
+    success: BoolArray
+
+
+def visit(world: World, nominal: Sequence[Option], starts: Rows, *, every: int) -> Visited:
+    """States of one nominal trajectory from each of `starts`, every so many control steps of an episode."""
+    seen: list[Observation] = []
+    episodes: list[IntArray] = []
+    steps: list[IntArray] = []
+
+    def watch(episode: IntArray, step: IntArray, rows: Rows) -> None:
+        due = step % every == 0
+        if due.any():
+            seen.append(world.observe(rows.take(due)))
+            episodes.append(episode[due])
+            steps.append(step[due])
+
+    done = run(world, nominal, starts, watch=watch)
+    episode, step = np.concatenate(episodes), np.concatenate(steps)
+    order = np.lexsort((step, episode))
+    values = np.concatenate([part.values for part in seen])[order]
+    episode, step = episode[order], step[order]
+    before = (done.ends.episode[None] == episode[:, None]) & (done.ends.step[None] <= step[:, None])
+    option = np.minimum(before.sum(axis=1), len(nominal) - 1)
+    flagged = (done.last.step[episode] == step) & ~done.success[episode]
+    kept = ~flagged  # the moment of failure is no moment at which a controller was started
+    observed = Observation(seen[0].columns, values[kept])
+    return Visited(observed, option[kept], done.success[episode[kept]])
+
+
+def fit(
+    visited: Visited, nominal: Sequence[Option], fields: Sequence[str], threshold: float, rng: np.random.Generator
+) -> Preconditions:
+    """A classifier for each controller, over `fields` of the observation (all without any).
+
+    Raises:
+        ConfigError: a controller never led to success.
+    """
+    seen = visited.seen
+    if fields:
+        seen = Observation.of({name: seen[name] for name in fields})
+    made = []
+    for index, option in enumerate(nominal):
+        mine = visited.option == index
+        if visited.success[mine].sum() < 2:
+            raise ConfigError(
+                f"no nominal trajectory got through '{option.name}' to success; run more of them (trajectories)"
+            )
+        made.append(fit_classifier(seen.values[mine], visited.success[mine], seen.names, rng))
+    return Preconditions(tuple(made), threshold)

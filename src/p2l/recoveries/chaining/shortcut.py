@@ -1,0 +1,24 @@
+"""What a lazy learner adds to a rollout: options whose outcome is certain enough need not be simulated."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from p2l.records import Array, BoolArray, IntArray
+from p2l.recoveries.chaining.mdp import Transitions
+
+
+class Shortcut(Protocol):
+    """Learns from the options that were simulated which ones need not be.
+
+    Axis letters: K decisions, O observation columns.
+    """
+
+    def sure(self, observation: Array, action: IntArray) -> BoolArray:
+        """[K] whether `action` [K] is an option that will succeed from `observation` [K, O]."""
+
+    def begin(self, slots: IntArray, observation: Array, action: IntArray) -> None:
+        """These decisions are simulated."""
+
+    def end(self, told: Transitions) -> None:
+        """How they came out."""

@@ -1,0 +1,227 @@
+"""Learn a recovery policy: rounds of PPO, evaluations on failures set apart, the best policy kept, runs that resume.
+
+1. Evaluation during training (thesis settings: 20 episodes) uses failures that training never starts from, so that the
+   best policy is chosen on what it has not seen; it costs no budget and is reported on its own.
+2. A resumed run continues from weights, optimiser and counts; the episodes under way at the kill are lost.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+import torch
+from stable_baselines3.common.callbacks import BaseCallback
+
+from p2l.errors import ConfigError
+from p2l.recoveries.chaining.checkpoint import Progress, load_checkpoint, save_checkpoint
+from p2l.recoveries.chaining.execute import Agent, recover
+from p2l.recoveries.chaining.learner import Learner, Task
+from p2l.recoveries.chaining.policy import Card, Normalisation, Policy, save_policy
+from p2l.recoveries.chaining.pool import action_names, first_state
+from p2l.recoveries.chaining.ppo import PoolPPO, PPOSettings
+from p2l.seeding import entropy, generator
+from p2l.skills.primitives import STEPS
+from p2l.worlds.world import Rows
+
+
+@dataclass(frozen=True)
+class TrainSettings:
+    """Budget and rhythm.
+
+    Attributes:
+        budget: control steps to simulate, options included.
+        slots: episodes at once.
+        evaluate_every: control steps between evaluations.
+        episodes: of an evaluation.
+        ppo: of the algorithm.
+    """
+
+    budget: int
+    slots: int = 64
+    evaluate_every: int = 20_000
+    episodes: int = 20
+    ppo: PPOSettings = field(default_factory=PPOSettings)
+
+    def __post_init__(self) -> None:
+        round_steps = self.ppo.n_steps * STEPS
+        if self.budget < round_steps:
+            raise ConfigError(
+                f"a budget of {self.budget} control steps is less than one round of {self.ppo.n_steps} decisions of "
+                f"{STEPS} control steps; give at least {round_steps}"
+            )
+
+
+@dataclass(frozen=True)
+class Split:
+    """Failures to learn from, and those set apart for evaluations during training."""
+
+    learnt: Rows
+    apart: Rows
+
+
+Report = Callable[[str, Mapping[str, float]], None]
+
+
+def split(rows: Rows, episodes: int, seed: int, world: str) -> Split:
+    """Set `episodes` failures apart; where that would be more than a fifth, none, and evaluations use them all."""
+    order = generator(seed, "chain_recoveries", world, "split").permutation(len(rows))
+    if len(rows) < 5 * episodes:
+        return Split(rows, rows.take(order[np.arange(episodes) % len(rows)]))
+    return Split(rows.take(np.sort(order[episodes:])), rows.take(order[:episodes]))
+
+
+def card_of(task: Task, learner: Learner, name: str, config_hash: str) -> Card:
+    """The card of the policy to come; observations are standardised by what the episodes start with."""
+    state = first_state(task.world, learner.starts, learner.limits)
+    return Card(
+        world=task.world.name,
+        digest=task.world.digest,
+        learner=name,
+        seed=task.seed,
+        config_hash=config_hash,
+        columns=state.names,
+        actions=action_names(learner.primitives, task.nominal if learner.options else ()),
+        limits=learner.limits,
+        normalisation=Normalisation.of(state.values),
+    )
+
+
+def train(
+    task: Task, learner: Learner, apart: Rows, settings: TrainSettings, card: Card, folder: Path, report: Report
+) -> Progress:
+    """Train until the budget is spent; leaves the best policy in `folder`.
+
+    Args:
+        task: what for.
+        learner: how.
+        apart: where evaluations start.
+        settings: budget and rhythm.
+        card: of the policy, its `told` still empty.
+        folder: for the policy and the checkpoint.
+        report: told `round` and `evaluation` rows as they come.
+    """
+    progress = load_checkpoint(folder, card) or Progress()
+    resumed = progress.control_steps
+    rng = generator(task.seed, "chain_recoveries", task.world.name, "starts", resumed)
+    pool = learner.pool(task, rng, settings.slots)
+    seed = entropy(task.seed, "chain_recoveries", task.world.name, "ppo", resumed) & (2**32 - 1)
+    model = PoolPPO(pool, settings.ppo, card.normalisation, seed, learner.shortcut)
+    if progress.tensors:
+        restore(model, progress)
+    watcher = _Watcher(task, learner, apart, settings, card, folder, report, progress)
+    torch.set_num_threads(1)  # the networks are small, and the simulator has threads of its own
+    model.learn(settings.budget - model.num_timesteps, callback=watcher, log_interval=10**9, reset_num_timesteps=False)
+    watcher.finish()
+    return progress
+
+
+def restore(model: PoolPPO, progress: Progress) -> None:
+    """Weights, optimiser and time of a checkpoint."""
+    named = progress.tensors
+    model.policy.load_state_dict({k.removeprefix("policy."): v for k, v in named.items() if k.startswith("policy.")})
+    state = model.policy.optimizer.state_dict()
+    state["state"] = {}
+    for key, value in named.items():
+        if key.startswith("adam."):
+            _, index, name = key.split(".")
+            state["state"].setdefault(int(index), {})[name] = value
+    model.policy.optimizer.load_state_dict(state)
+    model.steps_before = model.num_timesteps = progress.control_steps
+
+
+def tensors(model: PoolPPO) -> dict[str, torch.Tensor]:
+    """What `restore` needs."""
+    named = {f"policy.{name}": value.clone() for name, value in model.policy.state_dict().items()}
+    for index, state in model.policy.optimizer.state_dict()["state"].items():
+        named |= {f"adam.{index}.{name}": torch.as_tensor(value).clone() for name, value in state.items()}
+    return named
+
+
+def exported(model: PoolPPO, card: Card) -> Policy:
+    """The actor alone."""
+    actor: torch.nn.Module = model.policy.mlp_extractor.policy_net  # type: ignore[assignment]
+    layers = [layer for layer in actor.modules() if isinstance(layer, torch.nn.Linear)]
+    weights: dict[str, torch.Tensor] = {}
+    for index, layer in enumerate([*layers, model.policy.action_net]):
+        weights |= {f"w{index}": layer.weight.detach().clone(), f"b{index}": layer.bias.detach().clone()}
+    return Policy(card, weights)
+
+
+class _Watcher(BaseCallback):
+    """After each round: what happened, sometimes an evaluation, the best policy, a checkpoint."""
+
+    model: PoolPPO
+
+    def __init__(
+        self,
+        task: Task,
+        learner: Learner,
+        apart: Rows,
+        settings: TrainSettings,
+        card: Card,
+        folder: Path,
+        report: Report,
+        progress: Progress,
+    ) -> None:
+        super().__init__()
+        self._task, self._learner, self._apart = task, learner, apart
+        self._settings, self._card, self._folder = settings, card, folder
+        self._report, self._progress = report, progress
+        self._since = time.perf_counter() - progress.seconds
+
+    def _on_training_start(self) -> None:
+        if not self._progress.evaluations:
+            self._evaluate()
+
+    def _on_step(self) -> bool:
+        return True
+
+    def _on_rollout_end(self) -> None:
+        one, progress = self.model.round, self._progress
+        progress.control_steps = self.model.num_timesteps
+        chosen = {f"chosen:{name}": int(k) for name, k in zip(self.model.pool.actions, one.chosen, strict=True)}
+        row: dict[str, float] = {
+            "round": len(progress.rounds),
+            "control_steps": progress.control_steps,
+            "ended": one.ended,
+        }
+        row |= {"done": one.done, "settled": one.settled, "timeouts": self.model.pool.timeouts}
+        row |= {"reward": one.reward, "seconds": self._seconds(), **chosen}
+        progress.rounds.append(row)
+        self._report("round", row)
+        last = progress.evaluations[-1]["control_steps"]
+        if progress.control_steps - last >= self._settings.evaluate_every:
+            self._evaluate()
+
+    def finish(self) -> None:
+        """The last evaluation, after the last update."""
+        if self._progress.evaluations[-1]["control_steps"] < self._progress.control_steps:
+            self._evaluate()
+
+    def _evaluate(self) -> None:
+        progress = self._progress
+        policy = exported(self.model, self._card)
+        found = recover(self._task.world, self._task.nominal, Agent(self._learner, policy.act), self._apart)
+        success = float(found.success.mean())
+        row: dict[str, float] = {
+            "control_steps": self.model.num_timesteps,
+            "success": success,
+            "episodes": len(found.success),
+        }
+        row |= {"evaluation_steps": int(found.steps.sum()), "seconds": self._seconds()}
+        progress.evaluations.append(row)
+        if success >= progress.best:  # of equals the later one has seen more
+            progress.best = success
+            told = {"control_steps": self.model.num_timesteps, "evaluation_success": success}
+            save_policy(self._folder, replace(policy, card=replace(self._card, told=told)))
+        progress.tensors = tensors(self.model)
+        progress.seconds = self._seconds()
+        save_checkpoint(self._folder, progress, self._card)
+        self._report("evaluation", row)
+
+    def _seconds(self) -> float:
+        return time.perf_counter() - self._since
