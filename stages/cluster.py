@@ -6,7 +6,7 @@ from pathlib import Path
 
 from p2l.artifacts import atomic, save_arrays, save_json
 from p2l.evaluation.failure_figures import mode_figure
-from p2l.evaluation.failure_tables import mode_table
+from p2l.evaluation.failure_tables import cluster_summary, mode_table
 from p2l.evaluation.failure_videos import film, skip
 from p2l.evaluation.style import png
 from p2l.evaluation.videos import VideoOptions
@@ -43,9 +43,8 @@ def run(cfg: ClusterConfig, out: Path, track: Tracker) -> None:
         table.to_csv(temporary, index=False, float_format="%.6g")
     with atomic(out / "modes.png") as temporary:
         temporary.write_bytes(picture)
-    bic = {str(number): value for number, value in found.bic.items()}
-    facts = {"strategy": train.origin.strategy, "failures": len(train), "held_out": len(held_out), "bic": bic}
-    save_json(out / "summary.json", {**facts, "modes": table.to_dict("records")}, schema="cluster_summary", version=1)
+    facts = cluster_summary(found, train, held_out, table)
+    save_json(out / "summary.json", facts, schema="cluster_summary", version=1)
     track.metrics({"failures": len(train), "modes": len(table), "probability": float(found.probability.mean())})
     track.metrics({f"weight/{number}": weight for number, weight in enumerate(table["weight"])})
     if cfg.videos:

@@ -29,14 +29,14 @@ ABOUT = (
 @stage("report", ReportConfig)
 def run(cfg: ReportConfig, out: Path, track: Tracker) -> None:
     """Make every section, then write the page, its tables and figures, and the headline numbers."""
-    sources = Sources(cfg.data, cfg.thesis, cfg.domains)
+    sources = Sources(cfg.data, cfg.thesis, cfg.domains, cfg.worlds)
     sections = []
     with bar("report") as show:
         for done, make in enumerate(SECTIONS, start=1):
             sections.append(make(sources))
             show(done, len(SECTIONS))
-    domains = ", ".join(cfg.domains)
-    save_report(out, TITLE, [f"Preset {cfg.preset}, seed {cfg.seed}; domains: {domains}.", *ABOUT], sections)
+    items = f"domains: {', '.join(cfg.domains)}; worlds: {', '.join(cfg.worlds) or 'none'}"
+    save_report(out, TITLE, [f"Preset {cfg.preset}, seed {cfg.seed}; {items}.", *ABOUT], sections)
     track.metrics(headline(sections))
     track.artifact(out / "index.html")
     for folder in ("tables", "figures"):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -48,12 +49,11 @@ def mode_figure(clustering: Clustering, failures: Failures, table: pd.DataFrame,
         title: above all.
     """
     values = clustering.modes.features(failures.truth)
-    first = telling(values, clustering.mode)
+    order = telling(values, clustering.mode)
     figure = Figure(figsize=(12.0, 4.6 + 0.34 * len(table)), layout="constrained")
     figure.suptitle(title)
     grid = figure.add_gridspec(2, 2, height_ratios=(4.0, 0.6 + 0.34 * len(table)), width_ratios=(1.0, 1.0))
-    pairs = [(first[0], first[1 % len(first)]), (first[2 % len(first)], first[3 % len(first)])]
-    for place, pair in enumerate(pairs):
+    for place, pair in enumerate(axes_of(clustering.modes.columns, order)):
         _scatter(figure.add_subplot(grid[0, place]), clustering, values, pair)
     _means(figure.add_subplot(grid[1, 0]), clustering, table)
     _kinds(figure.add_subplot(grid[1, 1]), failures, table)
@@ -61,18 +61,34 @@ def mode_figure(clustering: Clustering, failures: Failures, table: pd.DataFrame,
 
 
 def telling(values: Array, mode: IntArray) -> list[int]:
-    """Features [F] by the share of their ranks' variance that lies between modes, largest first.
+    """Features [F] by how much of their ranks' variance lies between modes, largest first.
 
-    Ranks, so that a few far members do not make a feature look telling.
+    Ranks of tenths of a millimetre: a few far members, or none that differ, do not make a feature look telling.
     """
-    ranks = np.asarray(rankdata(values, axis=0))
-    total = ranks.var(axis=0)
-    between = np.zeros_like(total)
+    ranks = np.asarray(rankdata(np.round(values, 4), axis=0))
+    between = np.zeros(values.shape[1])
     for one in np.unique(mode):
         mine = mode == one
         between += mine.mean() * (ranks[mine].mean(axis=0) - ranks.mean(axis=0)) ** 2
-    share = np.where(total > 0.0, between / np.maximum(total, 1e-12), -1.0)
-    return [int(place) for place in np.argsort(-share, kind="stable")]
+    return [int(place) for place in np.argsort(-between, kind="stable")]
+
+
+def axes_of(columns: Sequence[str], order: Sequence[int]) -> list[tuple[int, int]]:
+    """Two pairs of features to plot, the most telling first; components of one vector go together.
+
+    Args:
+        columns: F names.
+        order: features, the most telling first.
+    """
+    left = list(order)
+    pairs = []
+    for _ in range(2):
+        one = left.pop(0) if left else order[0]
+        vector = [place for place in left if columns[place].split("[")[0] == columns[one].split("[")[0]]
+        other = (vector or left or [one])[0]
+        left = [place for place in left if place != other]
+        pairs.append((min(one, other), max(one, other)))
+    return pairs
 
 
 def _scatter(axes: Axes, clustering: Clustering, values: Array, pair: tuple[int, int]) -> None:

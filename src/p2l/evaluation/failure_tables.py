@@ -31,8 +31,16 @@ def found_summary(found: Found) -> dict[str, Any]:
         "failing_episodes": int(failing.sum()),
         "unrecorded_failing_episodes": int((sound & ~execution.success & ~failing).sum()),
         "control_steps": int(execution.last.step.sum()),
+        "first_kind": first_kind(failures),
         "by_option": by_option(failures),
     }
+
+
+def first_kind(failures: Failures) -> dict[str, int]:
+    """Failing episodes by the kind of their first failure; what follows it in an episode is its consequence."""
+    order = np.lexsort((failures.step, failures.episode))
+    _, first = np.unique(failures.episode[order], return_index=True)
+    return dict(Counter(np.array(failures.kind_names())[order[first]].tolist()).most_common())
 
 
 def found_metrics(summary: Mapping[str, Any]) -> dict[str, float]:
@@ -94,3 +102,15 @@ def mode_table(clustering: Clustering, train: Failures, held_out_mode: IntArray,
         row |= {f"mean:{column}": float(value) for column, value in zip(modes.columns, means, strict=True)}
         rows.append(row)
     return pd.DataFrame(rows)
+
+
+def cluster_summary(clustering: Clustering, train: Failures, held_out: Failures, table: pd.DataFrame) -> dict[str, Any]:
+    """The modes in plain facts; `table` is that of `mode_table`."""
+    return {
+        "strategy": train.origin.strategy,
+        "executions": train.origin.executions,
+        "failures": len(train),
+        "held_out": len(held_out),
+        "bic": {str(number): value for number, value in clustering.bic.items()},
+        "modes": table.to_dict("records"),
+    }

@@ -1,7 +1,7 @@
 """Videos of executions: states drawn off screen by EGL, else OSMesa, and written as H.264.
 
 Without a GL nothing fails: `backend` says what to install, and who asked goes on without videos. Drawing in software
-takes 30 to 60 ms a frame of 400 × 300, so videos are small and show every few control steps.
+takes 30 to 60 ms a frame of 400 × 300, so videos are small and show every few control steps, in real time.
 
 Axis letters: T control steps, F frames, H and W pixels.
 """
@@ -47,15 +47,13 @@ class VideoOptions:
 
     Attributes:
         width, height: pixels.
-        every: control steps from frame to frame.
-        fps: frames per second of the video; control steps per second divided by `every` is real time.
+        max_frames: of the motion, which runs in real time; long executions skip control steps.
         hold_s: how long the last frame stays, framed in red where it is a failure.
     """
 
     width: int = 400
     height: int = 300
-    every: int = 4
-    fps: int = 10
+    max_frames: int = 30
     hold_s: float = 1.0
 
 
@@ -126,17 +124,18 @@ class Camera:
         self._drawers.clear()
         self._context.free()
 
-    def frames(self, path: Rows, *, failed: bool = False) -> Frames:
-        """[F, H, W, 3] of the rows [T] of one execution, in order; the last row is always drawn."""
-        options = self.options
-        chosen = [*range(0, len(path) - 1, options.every), len(path) - 1]
+    def film(self, path: Rows, *, failed: bool = False) -> tuple[Frames, float]:
+        """[F, H, W, 3] of the rows [T] of one execution, in order, the last one included; and frames per second."""
+        every = -(-len(path) // self.options.max_frames)
+        fps = 1.0 / (every * self.world.engine.control_period_s)
+        chosen = [*range(0, len(path) - 1, every), len(path) - 1]
         grip = self.world.engine.sensor_columns["grip_pos"]
         way = path.sensors[:, grip]
         lookat = np.asarray(self.view.lookat_m or 0.5 * (way.min(axis=0) + way.max(axis=0)))
         frames = [self._draw(path.states[step], int(path.model[step]), lookat) for step in chosen]
         if failed:
             frames[-1] = _framed(frames[-1])
-        return np.stack(frames + [frames[-1]] * round(options.hold_s * options.fps))
+        return np.stack(frames + [frames[-1]] * round(self.options.hold_s * fps)), fps
 
     def _draw(self, state: Array, model: int, lookat: Array) -> Frames:
         if model not in self._drawers:
@@ -184,7 +183,7 @@ class _Drawer:
         mujoco.mj_camlight(self.model, self.data)
 
 
-def save_video(path: Path | str, frames: Frames, fps: int) -> None:
+def save_video(path: Path | str, frames: Frames, fps: float) -> None:
     """Write an H.264 `.mp4` that browsers play; width and height must be even."""
     import imageio_ffmpeg
 
@@ -209,7 +208,7 @@ def play(world: World, paths: Sequence[Rows], files: Sequence[Path], options: Vi
     """
     with Camera(world, options) as camera:
         for path, file in zip(paths, files, strict=True):
-            save_video(file, camera.frames(path, failed=failed), options.fps)
+            save_video(file, *camera.film(path, failed=failed))
 
 
 def _framed(frame: Frames) -> Frames:

@@ -77,8 +77,7 @@ class VideoConfig(Section):
 
     width: Even
     height: Even
-    every: Count
-    fps: Count
+    max_frames: Count
     hold_s: NotNegative
 
 

@@ -43,7 +43,18 @@ class Picture:
     caption: str
 
 
-Part = str | Reading | Sheet | Picture
+@dataclass(frozen=True)
+class Films:
+    """Videos side by side.
+
+    Attributes:
+        shown: (name, H.264 in an mp4, caption) of each.
+    """
+
+    shown: Sequence[tuple[str, bytes, str]]
+
+
+Part = str | Reading | Sheet | Picture | Films
 
 
 @dataclass(frozen=True)
@@ -52,7 +63,7 @@ class Section:
 
     Attributes:
         title: heading.
-        parts: paragraphs (text), readings, sheets and pictures, in order.
+        parts: paragraphs (text), readings, sheets, pictures and films, in order.
         commands: what makes these numbers.
         metrics: headline numbers.
     """
@@ -83,7 +94,8 @@ body { margin: 0 auto; max-width: 62rem; padding: 2rem 1.2rem 5rem; background: 
 h1 { font-size: 1.9rem; margin: 0 0 .3rem; }
 h2 { margin: 3rem 0 .6rem; padding-top: 1rem; border-top: 1px solid var(--line); }
 a { color: inherit; } nav li { margin: .1rem 0; } .faint, figcaption, caption { color: var(--faint); font-size: .9rem; }
-figure { margin: 1.4rem 0; } figcaption { margin-top: .4rem; }
+.films { display: flex; flex-wrap: wrap; gap: 1rem; } .films figure { margin: .4rem 0; width: 19rem; }
+video { max-width: 100%; border-radius: 6px; } figure { margin: 1.4rem 0; } figcaption { margin-top: .4rem; }
 img { max-width: 100%; max-height: 44rem; background: white; border-radius: 6px; padding: .5rem;
   box-sizing: border-box; }
 .wide { overflow-x: auto; } table { border-collapse: collapse; margin: 1.2rem 0 .4rem;
@@ -132,4 +144,12 @@ def _part(part: Part) -> str:
         data = base64.b64encode(part.png).decode()
         image = f'<img alt="{escape(part.name)}" src="data:image/png;base64,{data}">'
         return f"<figure>{image}<figcaption>{escape(part.caption)}</figcaption></figure>"
+    if isinstance(part, Films):
+        return f'<div class="films">{"".join(_film(*film) for film in part.shown)}</div>'
     return f"<p>{escape(part)}</p>"
+
+
+def _film(name: str, mp4: bytes, caption: str) -> str:
+    source = f"data:video/mp4;base64,{base64.b64encode(mp4).decode()}"
+    film = f'<video title="{escape(name)}" src="{source}" controls loop muted preload="metadata"></video>'
+    return f"<figure>{film}<figcaption>{escape(caption)}</figcaption></figure>"

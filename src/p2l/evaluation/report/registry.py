@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from p2l.evaluation.report import chapter3, worlds
+from p2l.evaluation.report import chapter3, failures, worlds
 from p2l.evaluation.report.page import Section
 from p2l.evaluation.report.sources import Sources
 
@@ -18,4 +18,6 @@ SECTIONS: tuple[Callable[[Sources], Section], ...] = (
     chapter3.figure_3_10,
     chapter3.order_any,
     chapter3.prediction_price,
+    failures.nominal_skills,
+    failures.modes,
 )

@@ -55,11 +55,13 @@ class Sources:
         data: folder with one folder per stage.
         thesis: folder of the thesis's numbers.
         domains: domains of the pipeline; what lies in `data` for others is not read.
+        worlds: the same for manipulation worlds.
     """
 
     data: Path
     thesis: Path
     domains: tuple[str, ...]
+    worlds: tuple[str, ...] = ()
 
     def chapter(self, number: int) -> Thesis:
         """Numbers and claims of a chapter."""
@@ -105,6 +107,23 @@ class Sources:
         """Scores of a domain's predictor and its baselines on held-out tasks."""
         path = self.file("fit_transfer", domain, "metrics.json")
         return list(load_json(path, schema="fit_transfer_metrics", version=1)["scores"])
+
+    def discovered(self, world: str) -> dict[str, Any]:
+        """What discovery found in a world."""
+        return load_json(self.file("discover", world, "summary.json"), schema="discover_summary", version=1)
+
+    def clustered(self, world: str) -> dict[str, Any]:
+        """A world's failure modes."""
+        return load_json(self.file("cluster", world, "summary.json"), schema="cluster_summary", version=1)
+
+    def videos(self, world: str) -> tuple[list[tuple[dict[str, Any], bytes]], str | None]:
+        """What is known of each mode's video, and the video; and why there is none, if so."""
+        folder = self.data / "cluster" / world / "videos"
+        index = load_json(folder / "videos.json", schema="videos", version=1)
+        try:
+            return [(one, (folder / one["file"]).read_bytes()) for one in index["videos"]], index["skipped"]
+        except OSError as error:
+            raise ArtifactError(f"{folder}: {error}; run `dvc repro cluster`") from error
 
     def image(self, stage: str, domain: str, name: str) -> bytes:
         """A PNG that a stage drew."""

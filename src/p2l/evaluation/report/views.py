@@ -12,6 +12,7 @@ from p2l.evaluation.report.sources import Sources
 from p2l.evaluation.style import METHODS
 
 FLOW = ("collect", "fit_transfer", "plan", "evaluate_team")
+WORLD_FLOW = ("discover", "cluster")
 
 
 def estimate(mean: float, low: float = math.nan, high: float = math.nan, digits: int = 0) -> str:
@@ -58,6 +59,7 @@ def _spoken(name: str, value: str) -> str:
     worded = {
         "pretrained": f"{value} pre-trained",
         "walls": f"walls {value}",
+        "mode": f"mode {value}",
         "regime": value.replace("_", " cost of "),
     }
     return worded.get(name, value.replace("_", " "))
@@ -76,10 +78,11 @@ def missing(title: str, domains: Sequence[str], sources: Sources) -> Section:
     )
 
 
-def stage_commands(last: str, domains: Sequence[str]) -> list[str]:
-    """The stages up to `last` of each domain; each reads what the one before it left."""
+def stage_commands(last: str, items: Sequence[str]) -> list[str]:
+    """The stages up to `last` of each item, a domain or a world; each reads what the one before it left."""
+    flow = FLOW if last in FLOW else WORLD_FLOW
     return [
-        f"python -m stages.{stage} -cp data/config/{domain} -cn {stage} hydra.run.dir=data/{stage}/{domain}"
-        for domain in domains
-        for stage in FLOW[: FLOW.index(last) + 1]
+        f"python -m stages.{stage} -cp data/config/{item} -cn {stage} hydra.run.dir=data/{stage}/{item}"
+        for item in items
+        for stage in flow[: flow.index(last) + 1]
     ]
