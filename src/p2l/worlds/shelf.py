@@ -1,0 +1,299 @@
+"""A thing from the table onto a shelf, seen in the wrong place; with and without clutter there (thesis, 5.4.2, 5.4.3).
+
+The hand closes on the box where it is seen. A box that is held too high above its middle hangs too low: it runs into
+the edge of the shelf's floor, and may turn in the hand before the arm is stopped.
+
+Where the thesis is silent, and deviations from it:
+1. Detectors judge the mean force of a control step, as a filtered sensor does, and flag a moment, not a condition:
+   force above its limit is flagged again only while it does not fall, and after a flag a slip counts from there. A hand
+   that moves off from a collision is not stopped a second time for the first one.
+2. A slip is a turn or a shift in the hand since the lift. Nearly all come with a collision, so it is called
+   "collision_slip" as in the thesis.
+3. "Upright" is the distance of quaternions after the best turn about the vertical, which is what upright means.
+4. Success in the cluttered shelf includes that no clutter was turned beyond its limit.
+5. Clutter stands at 0.1 m at most to either side of the middle, and nowhere nearer to the mouth than the middle.
+6. Bottle and can have robosuite's shapes with the density of the box; robosuite's own weigh 15 g.
+
+Axis letters: N rows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import Any
+
+import mujoco
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from p2l import poses
+from p2l.errors import ConfigError
+from p2l.records import Array, BoolArray, IntArray
+from p2l.sim.batch import Chunk
+from p2l.sim.scene import FINGER_OPEN_M, FINGERS, WRIST_FORCE, Physics, edited
+from p2l.worlds.estimator import Estimator, Mode
+from p2l.worlds.robot import Fields, RobotWorld
+from p2l.worlds.shelf_scene import CLUTTER, DEPTH_M, INNER_WIDTH_M, TABLE_M, Clutter, compose, find
+from p2l.worlds.shelf_starts import checked, interval, posture
+from p2l.worlds.world import NO_FAILURE, Command, Rows, View
+
+IMPEDANCE = {"stiffness_linear": 2000.0, "stiffness_angular": 200.0, "damping_linear": 180.0, "damping_angular": 20.0}
+KINDS = ("collision", "collision_slip", "dropped", "on_table")
+COLLISION, SLIP, DROPPED, ON_TABLE, CLUTTER_ROTATED = range(5)
+EMPTY_GAP_M = 0.01  # closed fingers that hold nothing
+LYING_M = 0.03  # a thing whose origin is so low above the table lies there
+LIFTED_M = 0.01
+CLOSING_STEPS = 5  # control steps that the fingers need
+NEAR_M = 0.12  # what the closed fingers hold is not farther from the grip site
+UPRIGHT_QUAT = np.array([1.0, 0.0, 0.0, 0.0])
+UPRIGHT = 0.1  # distance of quaternions
+TARGET_M = 0.05
+AWAY_M = 0.2
+REST_M_S = 0.05
+_CLOSED, _HELD, _LIFTED, _FORCE, _FLAGGED = range(5)
+_POS, _QUAT = slice(5, 8), slice(8, 12)
+
+
+class Shelf(RobotWorld):
+    """The shelf; every parameter is a plain value of its YAML.
+
+    Args:
+        arm: robosuite's name of the arm.
+        object: what is placed, one of `worlds.shelf_scene.THINGS`.
+        clutter: whether two boxes stand on the shelf.
+        estimator: how the estimate of the thing's position errs.
+        sigma_m: its standard deviation in y (into the shelf) and z, m.
+        object_x_m, object_y_m, shelf_x_m, shelf_y_m, shelf_lift_m, shelf_height_m, clutter_x_m, clutter_y_m: ranges of
+            start states, see `worlds.shelf_starts.Starts`.
+        density_kg_m3: range of the thing's density.
+        clutter_half_y_m, clutter_half_z_m: ranges of the clutter's half depth and half height, m.
+        clutter_density_kg_m3: of the clutter.
+        joint_noise_rad: standard deviation of each joint of the start posture.
+        force_limit_n: mean wrist force of a control step above which a collision is flagged, N.
+        slip_limit_rad, slip_limit_m: turn and shift in the hand above which a slip is flagged.
+        clutter_limit_rad: turn of a clutter box above which it is flagged.
+        models: how many densities (and sizes of clutter) the bank of models holds.
+        timestep_s: physics time step.
+        nthread: simulator threads.
+
+    Raises:
+        ConfigError: unknown arm or object, a range that is reversed or out of reach, a limit that is not positive.
+    """
+
+    memory_size = 12
+    view = View(azimuth_deg=150.0, elevation_deg=-20.0, distance_m=1.2, lookat_m=(0.0, 0.12, 0.95))
+
+    def __init__(
+        self,
+        *,
+        arm: str = "Panda",
+        object: str = "box",  # noqa: A002 (the YAML's word)
+        clutter: bool = False,
+        estimator: Mode = "fixed",
+        sigma_m: Sequence[float] = (0.01, 0.02),
+        object_x_m: Sequence[float] = (-0.02, 0.02),
+        object_y_m: Sequence[float] = (-0.02, 0.02),
+        shelf_x_m: Sequence[float] = (0.0, 0.05),
+        shelf_y_m: Sequence[float] = (0.30, 0.35),
+        shelf_lift_m: Sequence[float] = (0.05, 0.10),
+        shelf_height_m: Sequence[float] = (0.21, 0.30),
+        clutter_x_m: Sequence[float] = (0.08, 0.10),
+        clutter_y_m: Sequence[float] = (0.30, 0.35),
+        density_kg_m3: Sequence[float] = (200.0, 300.0),
+        clutter_half_y_m: Sequence[float] = (0.05, 0.06),
+        clutter_half_z_m: Sequence[float] = (0.06, 0.07),
+        clutter_density_kg_m3: float = 100.0,
+        joint_noise_rad: float = 0.02,
+        force_limit_n: float = 50.0,
+        slip_limit_rad: float = 0.1,
+        slip_limit_m: float = 0.02,
+        clutter_limit_rad: float = 0.1,
+        models: int = 16,
+        timestep_s: float = 0.005,
+        nthread: int = 2,
+    ) -> None:
+        params = {name: value for name, value in locals().items() if name not in ("self", "nthread", "__class__")}
+        _positive(params, "force_limit_n", "slip_limit_rad", "slip_limit_m", "clutter_limit_rad", "models")
+        self.thing, self.starts = find(object), checked(find(object), params)
+        heavy = interval("density_kg_m3", density_kg_m3, (1.0, 2000.0))
+        sizes = Clutter(
+            interval("clutter_half_y_m", clutter_half_y_m, (0.01, DEPTH_M / 2 - 0.01)),
+            interval("clutter_half_z_m", clutter_half_z_m, (0.01, self.starts.shelf_height_m[0] / 2)),
+            clutter_density_kg_m3,
+        )
+        physics = Physics(timestep_s=timestep_s, **IMPEDANCE)
+        self.bank = compose(arm, self.thing, physics, heavy, sizes if clutter else None, models)
+        self.failure_kinds = (*KINDS, "clutter_rotated") if clutter else KINDS
+        self.force_limit_n, self.clutter_limit_rad = force_limit_n, clutter_limit_rad
+        self.slip_limit_rad, self.slip_limit_m, self._noise_rad = slip_limit_rad, slip_limit_m, joint_noise_rad
+        name = "cluttered_shelf" if clutter else "shelf"
+        super().__init__(name, params, self.bank.scenes, Estimator(estimator, tuple(sigma_m)), nthread=nthread)
+        joint = self.scenes[0].model.joint(self.bank.object_joint)
+        self._object_dofs = slice(int(joint.dofadr[0]), int(joint.dofadr[0]) + 3)
+        self._start, self.hand_quat = posture(self.scenes[0], self.thing, self.starts)
+
+    def drawn(self, model: int) -> mujoco.MjModel:
+        """The twin with visuals, clutter in this model's sizes."""
+        return edited(self.scenes[model].drawn, self.bank.edits[model])
+
+    def sample(self, rng: np.random.Generator, n: int) -> Rows:
+        """N starts: the thing upright on the table, the hand open before it."""
+        drawn = self.starts.draw(rng, n)
+        model = rng.integers(len(self.scenes), size=n)
+        noise = self.estimator.draw(rng, n)
+        qpos = np.zeros((n, self.engine.nq))
+        arm = self._start + self._noise_rad * rng.standard_normal((n, len(self._start)))
+        qpos[:, [column - 1 for column in self._arm]] = arm
+        for joint, side in zip(FINGERS, (1.0, -1.0), strict=True):
+            qpos[:, self._columns[joint] - 1] = side * FINGER_OPEN_M
+        height = np.full((n, 1), TABLE_M + self.thing.bottom_m)
+        self._stand(qpos, self.bank.object_joint, np.concatenate([drawn.object_m, height], axis=1))
+        for box, joint in enumerate(self.bank.clutter_joints):
+            self._stand(qpos, joint, drawn.clutter_pos_m(self.bank.clutter_half_m[model])[:, box])
+        upright = np.tile(UPRIGHT_QUAT, (n, 1))
+        roof = drawn.floor_m + drawn.height_m[:, None] * np.array([0.0, 0.0, 1.0])
+        furniture = {
+            self.bank.lower: np.concatenate([drawn.floor_m, upright], axis=1),
+            self.bank.upper: np.concatenate([roof, upright], axis=1),
+        }
+        return self.rows(qpos, noise, model=model, furniture=furniture)
+
+    def _stand(self, qpos: Array, joint: str, pos: Array) -> None:
+        place = self._columns[joint] - 1
+        qpos[:, place : place + 3], qpos[:, place + 3 : place + 7] = pos, UPRIGHT_QUAT
+
+    def _body(self, rows: Rows) -> dict[str, Array]:
+        return {
+            "arm_rad": self.arm(rows),
+            "grip_pos_m": self.read(rows, "grip_pos"),
+            "grip_quat": self.read(rows, "grip_quat"),
+            "gap_m": self.gap_m(rows),
+            "shelf_pos_m": self.furniture(rows, self.bank.lower)[:, :3],
+        }
+
+    def _truth(self, rows: Rows) -> Fields:
+        pos, turn = self._in_hand(rows)
+        turned, shifted = _slip(pos, turn, rows.memory)
+        lower, upper = (self.furniture(rows, name)[:, 2] for name in (self.bank.lower, self.bank.upper))
+        clutter = {f"{name}_pos_m": self.read(rows, f"{name}_pos") for name in self._clutter}
+        clutter |= {f"{name}_turn_rad": _angle(self.read(rows, f"{name}_quat")) for name in self._clutter}
+        return (
+            self._body(rows)
+            | clutter
+            | {
+                "object_pos_m": self.read(rows, "object_pos"),
+                "object_quat": self.read(rows, "object_quat"),
+                "object_in_hand_m": pos,
+                "object_speed_m_s": self._speed(rows),
+                "object_above_floor_m": self.read(rows, "object_pos")[:, 2] - self.thing.bottom_m - lower,
+                "shelf_height_m": upper - lower,
+                "held": rows.memory[:, _HELD],
+                "slip_rad": turned,
+                "slip_m": shifted,
+                "force_n": rows.memory[:, _FORCE],
+            }
+        )
+
+    def _seen(self, rows: Rows, error: Array) -> Fields:
+        return self._body(rows) | {
+            "object_pos_m": self.read(rows, "object_pos") + np.pad(error, ((0, 0), (1, 0))),
+            "force_high": rows.memory[:, _FORCE] > self.force_limit_n,
+            "actions": rows.actions,
+        }
+
+    @property
+    def _clutter(self) -> tuple[str, ...]:
+        return CLUTTER[: len(self.bank.clutter_joints)]
+
+    def _speed(self, rows: Rows) -> Array:
+        return np.asarray(np.linalg.norm(self.engine.qvel(rows.states)[:, self._object_dofs], axis=1))
+
+    def _in_hand(self, rows: Rows) -> tuple[Array, Rotation]:
+        """Position [N, 3] and orientation of the thing in the frame of the grip site."""
+        hand = poses.rotation(self.read(rows, "grip_quat")).inv()
+        away = self.read(rows, "object_pos") - self.read(rows, "grip_pos")
+        return np.asarray(hand.apply(away)), hand * poses.rotation(self.read(rows, "object_quat"))
+
+    def _lies(self, rows: Rows) -> BoolArray:
+        return np.asarray(self.read(rows, "object_pos")[:, 2] <= TABLE_M + LYING_M)
+
+    def _clutter_turned(self, rows: Rows) -> BoolArray:
+        turned = [_angle(self.read(rows, f"{name}_quat")) > self.clutter_limit_rad for name in self._clutter]
+        return np.asarray(np.any([np.zeros(len(rows), dtype=np.bool_), *turned], axis=0))
+
+    def monitor(self, before: Rows, after: Rows, chunk: Chunk, command: Command) -> tuple[IntArray, Array]:
+        """The detectors; see `KINDS` and the module's notes 1 and 2."""
+        was = before.memory
+        force = np.linalg.norm(self.engine.sensor(chunk, WRIST_FORCE).mean(axis=1), axis=1)
+        high = (force > self.force_limit_n) & (
+            force >= np.where(was[:, _FORCE] > self.force_limit_n, was[:, _FORCE], 0.0)
+        )
+        closed = command.grip > 0.5
+        memory = self._hold(before, after, np.where(closed, was[:, _CLOSED] + 1.0, 0.0))
+        turned, shifted = _slip(*self._in_hand(after), memory)
+        slip = (turned > self.slip_limit_rad) | (shifted > self.slip_limit_m)
+        empty = closed & (self.gap_m(after) <= EMPTY_GAP_M)
+        empty &= (was[:, _CLOSED] == 0) | (self.gap_m(before) > EMPTY_GAP_M)
+        kind = np.full(len(after), NO_FAILURE, dtype=np.int64)
+        kind[self._clutter_turned(after) & ~self._clutter_turned(before)] = CLUTTER_ROTATED
+        kind[high] = COLLISION
+        kind[slip] = SLIP
+        kind[(memory[:, _LIFTED] > 0) & self._lies(after) & ~self._lies(before)] = ON_TABLE
+        kind[empty] = DROPPED
+        memory[:, _FORCE], memory[:, _FLAGGED] = force, high | slip
+        return kind, memory
+
+    def _hold(self, before: Rows, after: Rows, closed: Array) -> Array:
+        """The new memory but for force and flags: what is held, and its pose in the hand at the lift or last flag."""
+        memory = before.memory.copy()
+        memory[:, _CLOSED] = closed
+        memory[closed == 0, _HELD] = 0.0
+        pos, turn = self._in_hand(after)
+        up = self.read(after, "object_pos")[:, 2] > TABLE_M + self.thing.bottom_m + LIFTED_M
+        grasped = (closed >= CLOSING_STEPS) & (self.gap_m(after) > EMPTY_GAP_M) & (np.linalg.norm(pos, axis=1) < NEAR_M)
+        lifted = grasped & up & (memory[:, _HELD] == 0)
+        memory[lifted, _HELD] = memory[lifted, _LIFTED] = 1.0
+        flagged = (memory[:, _HELD] > 0) & (memory[:, _FLAGGED] > 0)
+        pos_before, turn_before = self._in_hand(before)
+        for where, pos_from, turn_from in ((flagged, pos_before, turn_before), (lifted, pos, turn)):
+            memory[where, _POS], memory[where, _QUAT] = pos_from[where], poses.quat(turn_from)[where]
+        return memory
+
+    def goal(self, rows: Rows) -> BoolArray:
+        """At rest on the shelf, upright, near its middle, the hand open and away, no clutter turned."""
+        pos, quat = self.read(rows, "object_pos"), self.read(rows, "object_quat")
+        target = self.furniture(rows, self.bank.lower)[:, :3] + [0.0, -self.thing.place_before_m, self.thing.bottom_m]
+        off = np.abs(pos - target)
+        placed = (off[:, 1] < TARGET_M) & (off[:, 2] < TARGET_M)
+        placed &= off[:, 0] < INNER_WIDTH_M / 2 - self.thing.half_width_m
+        rests = (self._speed(rows) < REST_M_S) & (upright_distance(quat) < UPRIGHT)
+        away = np.linalg.norm(self.read(rows, "grip_pos") - pos, axis=1) >= AWAY_M
+        off_fingers = self.gap_m(rows) > 2.0 * self.thing.half_width_m + 0.01
+        return np.asarray(placed & rests & away & off_fingers & ~self._clutter_turned(rows))
+
+
+def upright_distance(quat: Array) -> Array:
+    """[N] distance of quaternions [N, 4] from the closest one that stands upright; half the tilt if small."""
+    return np.asarray(np.sqrt(np.maximum(2.0 - 2.0 * np.hypot(quat[:, 0], quat[:, 3]), 0.0)))
+
+
+def _angle(quat: Array) -> Array:
+    return np.asarray(2.0 * np.arccos(np.clip(np.abs(quat[:, 0]), 0.0, 1.0)))
+
+
+def _slip(pos: Array, turn: Rotation, memory: Array) -> tuple[Array, Array]:
+    """Turn (rad) and shift (m), both [N], against the pose in the hand that `memory` holds; 0 where nothing is held."""
+    held = memory[:, _HELD] > 0
+    kept = np.where(held[:, None], memory[:, _QUAT], UPRIGHT_QUAT)
+    turned = (poses.rotation(kept).inv() * turn).magnitude()
+    return np.where(held, turned, 0.0), np.where(held, np.linalg.norm(pos - memory[:, _POS], axis=1), 0.0)
+
+
+def _positive(params: Mapping[str, Any], *names: str) -> None:
+    for name in names:
+        if not params[name] > 0:
+            raise ConfigError(f"shelf: {name} must be positive, got {params[name]}")
+
+
+ClutteredShelf = partial(Shelf, clutter=True)
