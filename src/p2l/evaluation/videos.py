@@ -33,6 +33,7 @@ from p2l.worlds.world import Rows, View, World
 Frames = npt.NDArray[np.uint8]
 BACKENDS = ("egl", "osmesa")
 INSTALL = "apt install libegl1 libgl1-mesa-dri (or libosmesa6)"
+ASKED = os.environ.get("MUJOCO_GL", "").strip().lower()  # as it was before robosuite, imported later, set it
 _PROBE = "import mujoco.{0} as gl; context = gl.GLContext(8, 8); context.make_current(); context.free()"
 _RED = np.array([200, 40, 40], dtype=np.uint8)
 
@@ -59,19 +60,20 @@ class VideoOptions:
 
 @functools.cache
 def backend() -> str:
-    """The first of `BACKENDS` that can draw here; `MUJOCO_GL` narrows the choice.
+    """The first of `BACKENDS` that can draw here; one that `MUJOCO_GL` names goes first.
 
     Tried in processes of their own: a library that fails to load cannot be unloaded, and spoils the next one's.
 
     Raises:
         NoGLError: none.
     """
-    asked = os.environ.get("MUJOCO_GL", "").strip().lower()
-    if asked in ("0", "off", "false", "disable", "disabled"):
-        raise NoGLError(f"no videos: MUJOCO_GL={asked}; unset it to draw them")
-    tried = {name: _probe(name) for name in ((asked,) if asked in BACKENDS else BACKENDS)}
-    if works := [name for name, problem in tried.items() if problem is None]:
-        return works[0]
+    if ASKED in ("0", "off", "false", "disable", "disabled"):
+        raise NoGLError(f"no videos: MUJOCO_GL={ASKED}; unset it to draw them")
+    tried: dict[str, str] = {}
+    for name in sorted(BACKENDS, key=lambda name: name != ASKED):
+        if (problem := _probe(name)) is None:
+            return name
+        tried[name] = problem
     told = "; ".join(f"{name}: {problem}" for name, problem in tried.items())
     raise NoGLError(f"no videos: neither EGL nor OSMesa can draw here ({told}). To have them: {INSTALL}")
 

@@ -105,14 +105,14 @@ def features(known: Privileged | Observation, names: Sequence[str]) -> tuple[tup
 
     Args:
         known: what is known.
-        names: fields, or `one - other` for the difference of two; none: see `World.mode_fields`.
+        names: fields, or `one - other` for the difference of two.
 
     Raises:
         ShapeError: no such field, or a difference of fields that are not alike.
     """
     columns: list[str] = []
     values: list[Array] = []
-    for name in names or default_fields(known):
+    for name in names:
         one, _, other = (part.strip() for part in name.partition(" - "))
         value = known[one]
         if other:

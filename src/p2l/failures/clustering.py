@@ -13,6 +13,7 @@ Axis letters: N failures, F features, K modes.
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from typing import Literal
 
@@ -20,7 +21,7 @@ import numpy as np
 from sklearn.mixture import GaussianMixture
 
 from p2l.errors import ArtifactError, ConfigError
-from p2l.failures.classifier import ModeClassifier, features
+from p2l.failures.classifier import ModeClassifier, default_fields, features
 from p2l.failures.record import Failures
 from p2l.records import Array, IntArray
 from p2l.worlds.world import World
@@ -78,7 +79,8 @@ def cluster(world: World, failures: Failures, options: ClusterOptions, seed: int
         ConfigError: fewer failures than modes.
     """
     _check(failures, options)
-    columns, values = features(failures.truth, world.mode_fields)
+    fields = tuple(world.mode_fields) or default_fields(failures.truth)
+    columns, values = features(failures.truth, fields)
     centre, spread = values.mean(axis=0), values.std(axis=0)
     spread[spread < 1e-9] = 1.0
     scaled = (values - centre) / spread
@@ -92,7 +94,7 @@ def cluster(world: World, failures: Failures, options: ClusterOptions, seed: int
         world=world.name,
         digest=world.digest,
         strategy=failures.origin.strategy,
-        fields=tuple(world.mode_fields),
+        fields=fields,
         columns=columns,
         centre=centre,
         spread=spread,
@@ -136,7 +138,9 @@ def _fit(scaled: Array, number: int, options: ClusterOptions, seed: int) -> Gaus
         max_iter=500,
         random_state=seed,
     )
-    return mixture.fit(scaled) if len(scaled) > 1 else mixture.fit(np.repeat(scaled, 2, axis=0))
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", "Number of distinct clusters")  # what they leave empty is no mode
+        return mixture.fit(scaled if len(scaled) > 1 else np.repeat(scaled, 2, axis=0))
 
 
 def _by_size(mode: IntArray, means: Array) -> tuple[IntArray, IntArray]:

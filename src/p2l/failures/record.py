@@ -105,7 +105,8 @@ class Failures:
 
     def take(self, index: IntArray | BoolArray | Sequence[int]) -> Failures:
         """The failures of `index`."""
-        where = np.asarray(index)
+        given = np.asarray(index)
+        where = given if given.dtype == np.bool_ else given.astype(np.int64)  # an empty list has no integers
         parts: dict[str, Any] = {field.name: getattr(self, field.name) for field in fields(self)}
         origin = parts.pop("origin")
         taken: dict[str, Any] = {

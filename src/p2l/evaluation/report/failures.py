@@ -144,13 +144,19 @@ def _readings(world: str, success: Mapping[Any, Any], told: dict[str, Any], thes
     made = []
     if (claim := thesis.claims.get((ITEM, world))) is not None:
         mean, low, high, known = (float(success[name]) for name in ("mean", "low", "high", "thesis"))
-        near: Agreement = "yes" if abs(mean - known) <= NEAR else "partly" if low - NEAR <= known <= high + NEAR else "no"
-        agrees = "unsaid" if math.isnan(known) or math.isnan(mean) else near
-        made.append(Reading(claim, f"{world}: {100 * mean:.1f} % [{100 * low:.1f}, {100 * high:.1f}].", agrees))
+        ours = f"{world}: {100 * mean:.1f} % [{100 * low:.1f}, {100 * high:.1f}]."
+        made.append(Reading(claim, ours, _near(mean, low, high, known)))
     if (claim := thesis.claims.get((ITEM, f"{world}_kinds"))) is not None:
         kinds = _kinds(told)
         made.append(Reading(claim, f"{world}: {_spoken_shares(kinds)} of {kinds.total()} failing executions."))
     return made
+
+
+def _near(mean: float, low: float, high: float, known: float) -> Agreement:
+    """Whether a rate is that of the thesis, give or take `NEAR`; in part if only its interval reaches so far."""
+    if math.isnan(known) or math.isnan(mean):
+        return "unsaid"
+    return "yes" if abs(mean - known) <= NEAR else "partly" if low - NEAR <= known <= high + NEAR else "no"
 
 
 def _spoken_shares(kinds: Counter[str]) -> str:

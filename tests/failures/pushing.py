@@ -1,0 +1,25 @@
+"""Failures of the small push world, found for real."""
+
+from p2l import registry
+from p2l.failures.discovery import discover
+from p2l.failures.record import STRANDED, Origin
+from p2l.failures.strategy import ESTIMATORS
+from p2l.seeding import generator
+
+registry.register_world("push", world="tests.worlds.push:Push", options="tests.worlds.push:options")
+
+
+def setting(strategy, split="train", episodes=40, world="push", **params):
+    """World, options, starts and origin of a discovery."""
+    params |= {"nthread": 1} | ({"estimator": ESTIMATORS[strategy]} if ESTIMATORS[strategy] else {})
+    made = registry.get_world(world, params)
+    options = registry.get_options(world, made)
+    starts = made.sample(generator(0, "discover", world, split), episodes)
+    names, kinds = tuple(option.name for option in options), (*made.failure_kinds, STRANDED)
+    return made, options, starts, Origin(world, params, made.digest, strategy, split, 0, episodes, 10, names, kinds)
+
+
+def found(strategy="pessimistic", **settings):
+    """World, options and what discovery found."""
+    world, options, starts, origin = setting(strategy, **settings)
+    return world, options, discover(world, options, starts, origin, slots=16)
