@@ -2,7 +2,8 @@
 
 "Each action primitive is defined in the robot's end-effector frame and operates only on a single dimension": ± 2 cm
 along x, y, z and ± π/2 about one axis (thesis, section 5.4, "RL Training"); the gripper keeps its command. The target
-moves there within `MOVE_STEPS` and is held to the end of the primitive.
+moves there within `MOVE_STEPS` and is held to the end of the primitive. `GRIPS` open and close the fingers, for who
+has no nominal skills to do that.
 """
 
 from __future__ import annotations
@@ -31,11 +32,13 @@ class Primitive:
         name: e.g. `move +x` or `turn -z`.
         shift_m: [3] displacement, end-effector frame, m.
         turn_rad: [3] rotation vector, end-effector frame, rad.
+        grip: command for the fingers, 0 = open, 1 = closed; None keeps it.
     """
 
     name: str
     shift_m: tuple[float, float, float]
     turn_rad: tuple[float, float, float]
+    grip: float | None = None
 
     memory_size = 15
     max_steps = STEPS
@@ -49,7 +52,8 @@ class Primitive:
         turned = poses.rotation(seen["target_quat"])
         pos = seen["target_pos_m"] + turned.apply(self.shift_m)
         quat = poses.quat(turned * poses.about(np.asarray(self.turn_rad), 1.0))
-        return np.concatenate([seen["target_pos_m"], seen["target_quat"], pos, quat, seen["grip_command"]], axis=1)
+        grip = seen["grip_command"] if self.grip is None else np.full((len(seen), 1), self.grip)
+        return np.concatenate([seen["target_pos_m"], seen["target_quat"], pos, quat, grip], axis=1)
 
     def decide(self, seen: Observation, memory: Array, step: IntArray) -> Decision:  # noqa: ARG002
         """On the way to the new target, or there."""
@@ -76,4 +80,8 @@ PRIMITIVES: tuple[Primitive, ...] = (
         for axis, label in enumerate("xyz")
         for sign, size in (("+", ROTATION_RAD), ("-", -ROTATION_RAD))
     ),
+)
+
+GRIPS: tuple[Primitive, ...] = tuple(
+    Primitive(name, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), grip) for name, grip in (("open", 0.0), ("close", 1.0))
 )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Protocol
 
 from p2l.records import Array, BoolArray, IntArray
@@ -22,3 +23,9 @@ class Shortcut(Protocol):
 
     def end(self, told: Transitions) -> None:
         """How they came out."""
+
+    def state(self) -> dict[str, Array]:
+        """What it has learnt, for a checkpoint."""
+
+    def restore(self, state: Mapping[str, Array]) -> None:
+        """From what `state` gave."""

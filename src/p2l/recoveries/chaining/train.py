@@ -131,6 +131,9 @@ def restore(model: PoolPPO, progress: Progress) -> None:
             state["state"].setdefault(int(index), {})[name] = value
     model.policy.optimizer.load_state_dict(state)
     model.steps_before = model.num_timesteps = progress.control_steps
+    if model.shortcut is not None:
+        kept = {key: value.numpy() for key, value in named.items() if key.startswith("shortcut.")}
+        model.shortcut.restore({key.removeprefix("shortcut."): value for key, value in kept.items()})
 
 
 def tensors(model: PoolPPO) -> dict[str, torch.Tensor]:
@@ -138,15 +141,18 @@ def tensors(model: PoolPPO) -> dict[str, torch.Tensor]:
     named = {f"policy.{name}": value.clone() for name, value in model.policy.state_dict().items()}
     for index, state in model.policy.optimizer.state_dict()["state"].items():
         named |= {f"adam.{index}.{name}": torch.as_tensor(value).clone() for name, value in state.items()}
+    if model.shortcut is not None:
+        named |= {f"shortcut.{name}": torch.tensor(value) for name, value in model.shortcut.state().items()}
     return named
 
 
 def exported(model: PoolPPO, card: Card) -> Policy:
     """The actor alone."""
-    actor: torch.nn.Module = model.policy.mlp_extractor.policy_net  # type: ignore[assignment]
-    layers = [layer for layer in actor.modules() if isinstance(layer, torch.nn.Linear)]
+    named = dict(model.policy.named_modules())
+    layers = [part for name, part in named.items() if name.startswith("mlp_extractor.policy_net.")]
+    layers = [part for part in (*layers, named["action_net"]) if isinstance(part, torch.nn.Linear)]
     weights: dict[str, torch.Tensor] = {}
-    for index, layer in enumerate([*layers, model.policy.action_net]):
+    for index, layer in enumerate(layers):
         weights |= {f"w{index}": layer.weight.detach().clone(), f"b{index}": layer.bias.detach().clone()}
     return Policy(card, weights)
 
