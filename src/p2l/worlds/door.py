@@ -26,21 +26,19 @@ from p2l import poses
 from p2l.errors import ConfigError
 from p2l.records import Array, BoolArray, IntArray
 from p2l.sim.batch import Chunk
-from p2l.sim.posture import reach
 from p2l.sim.scene import FINGER_OPEN_M, FINGERS, WRIST_FORCE, Parts, Physics, Scene, build
+from p2l.worlds.door_reach import start_posture
 from p2l.worlds.estimator import Estimator, Mode
-from p2l.worlds.handles import DOOR, Handle, axis_of, find, grasp_pose, hinge_of, shape
+from p2l.worlds.handles import DOOR, Handle, find, shape
 from p2l.worlds.robot import Fields, RobotWorld
 from p2l.worlds.world import NO_FAILURE, Command, Rows, View
 
 BASE_POS_WORLD = (-0.56, 0.0, 0.0)
 FURNITURE = f"{DOOR}_main"
 OPEN_RAD = 0.3
-START_AWAY_M = 0.15
 PAD_HALF_M = 0.008
 CLOSING_STEPS = 5  # the fingers need four control steps from open to the thinnest lever
 PULLED_M = 0.01  # the target has left the door's plane by that much: the hand pulls
-BRANCH_RAD = 2.0  # a joint that turns farther between two poses of a motion has left its branch
 NONE, HELD, LOST = 0.0, 1.0, 2.0
 MISSED_HANDLE, SLIP_ROTATING, SLIP_PULLING, FORCE = range(4)
 
@@ -97,7 +95,17 @@ class Door(RobotWorld):
         self.base_pos_m = np.array(scenes[0].model.body("robot0_base").pos)
         self._size = np.array([[one.length_m, one.depth_m, one.thickness_m] for one in self.handles])
         self._site = np.array([[one.site_m, 0.0, 0.0] for one in self.handles])
-        self.finger_sign, self.start_rad = self._reachable(arm)
+        corners = np.array(list(product(*self.ranges.values())))
+        place = np.concatenate([corners.mean(axis=0, keepdims=True), corners])
+        rows = self._closed(place, scenes[0].home, np.zeros((len(place), 1, 3)), np.zeros(len(place), dtype=np.int64))
+        found = start_posture(scenes[0], self.read(rows, "handle_pos"), self.read(rows, "handle_quat"), OPEN_RAD)
+        if isinstance(found, list):
+            told = "; ".join(", ".join(f"{value:g}" for value in place[index]) for index in found)
+            raise ConfigError(
+                f"door: no posture of the arm {arm} reaches the handle, shut or open, at these start states "
+                f"(x, y, z in m, yaw in rad): {told}; move or narrow {', '.join(self.ranges)}"
+            )
+        self.finger_sign, self.start_rad = found
 
     def sample(self, rng: np.random.Generator, n: int) -> Rows:
         """N closed doors, the arm in its start posture, fingers open."""
@@ -115,49 +123,6 @@ class Door(RobotWorld):
         for finger, opened in zip(FINGERS, (FINGER_OPEN_M, -FINGER_OPEN_M), strict=True):
             qpos[:, self._columns[finger] - 1] = opened
         return self.rows(qpos, noise, model=model, furniture={FURNITURE: pose})
-
-    def _reachable(self, arm: str) -> tuple[float, Array]:
-        """Which way round the fingers grasp, and the start posture [J], rad."""
-        corners = np.array(list(product(*self.ranges.values())))
-        place = np.concatenate([corners.mean(axis=0, keepdims=True), corners])
-        count = len(place)
-        rest = np.tile(self.scenes[0].home, (count, 1))
-        rows = self._closed(place, rest, np.zeros((count, 1, 3)), np.zeros(count, dtype=np.int64))
-        missing: list[int] = []
-        for sign in (1.0, -1.0):
-            start, missing = self._postures(rows, sign)
-            if start is not None and not missing:
-                return sign, start
-        told = "; ".join(", ".join(f"{value:g}" for value in place[index]) for index in missing)
-        raise ConfigError(
-            f"door: with the arm {arm} no posture reaches the handle, shut or open, at these start states "
-            f"(x, y, z in m, yaw in rad): {told}; move or narrow {', '.join(self.ranges)}"
-        )
-
-    def _postures(self, rows: Rows, sign: float) -> tuple[Array | None, list[int]]:
-        """The start posture for the first row, and which rows the arm cannot serve from there."""
-        scene = self.scenes[0]
-        pos, lever = self.read(rows, "handle_pos"), self.read(rows, "handle_quat")
-        held, quat, into = grasp_pose(pos, lever, sign)
-        start = reach(scene, (held - START_AWAY_M * into)[0], quat[0])
-        if start is None:
-            return None, [0]
-        ways = [(held, quat)]
-        opening = poses.about([0.0, 0.0, 1.0], np.full(len(rows), OPEN_RAD))
-        down = poses.about(into, np.full(len(rows), np.pi / 2))
-        axis, hinge = axis_of(pos, lever), hinge_of(pos, lever)
-        turned = axis + down.apply(held - axis), poses.quat(down * poses.rotation(quat))
-        ways += [turned, (hinge + opening.apply(turned[0] - hinge), poses.quat(opening * poses.rotation(turned[1])))]
-        missing = []
-        for index in range(len(rows)):
-            before = start
-            for where, how in ways:
-                found = reach(scene, where[index], how[index], starts=(before,), restarts=0)
-                if found is None or np.abs(found - before).max() > BRANCH_RAD:
-                    missing.append(index)
-                    break
-                before = found
-        return start, missing
 
     def _truth(self, rows: Rows) -> Fields:
         return {
@@ -253,7 +218,8 @@ def _scene(arm: str, handle: Handle, timestep_s: float) -> Scene:
     door = DoorObject(name=DOOR, friction=0.0, damping=0.1, lock=True)
     tracked = {"handle": f"{DOOR}_handle"}
     parts = Parts(arena, [door], BASE_POS_WORLD, furniture=(FURNITURE,), tracked=tracked, edit=shape(handle))
-    return build(arm, parts, Physics(timestep_s=timestep_s, damping_linear=80.0, damping_angular=5.0))
+    physics = Physics(timestep_s=timestep_s, stiffness_linear=800.0, damping_linear=90.0, damping_angular=5.0)
+    return build(arm, parts, physics)
 
 
 def _ranges(**given: Sequence[float]) -> dict[str, tuple[float, float]]:

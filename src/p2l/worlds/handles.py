@@ -12,14 +12,14 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from p2l import poses
 from p2l.errors import ConfigError
 from p2l.records import Array
-from p2l.skills import poses
 
 DOOR = "Door"
 HINGE_FROM_AXIS_M = 0.43  # robosuite's
 GRASP_FROM_SITE_M = 0.045  # the nominal grasp, from the handle's position towards its axis
-GRASP_DEEPER_M = 0.016  # how far beyond the lever's middle the grip site goes
+GRASP_DEEPER_M = 0.04  # and beyond the lever's middle: with the exact state the palm leans on the lever
 LEVER_OUT_M = 0.10  # robosuite's: from the door's middle plane to the middle of the lever
 SITE_FROM_TIP_M = 0.025  # robosuite's: what counts as the handle's position lies that far from the tip
 
@@ -33,7 +33,7 @@ class Handle:
         thickness_m: across the lever, between the fingers.
         depth_m: along the approach.
         round: a cylinder along the lever (of diameter `thickness_m`) instead of a box.
-        friction: sliding friction of the handle with anything; without it the larger of two decides, the pads' 2.
+        friction: sliding friction of the handle, whatever touches it; 1 is robosuite's own number for its lever.
         weight: mass and inertia of the door, as a multiple of robosuite's 2.4 kg.
         hinge_friction_nm: N·m that the hinge resists with.
         closer_nm_per_rad: stiffness of the spring that closes the door.
@@ -43,7 +43,7 @@ class Handle:
     thickness_m: float
     depth_m: float
     round: bool = False
-    friction: float | None = None
+    friction: float = 1.0
     weight: float = 1.0
     hinge_friction_nm: float = 0.0
     closer_nm_per_rad: float = 0.0
@@ -105,9 +105,8 @@ def _shape_geom(geom: mujoco.MjsGeom, handle: Handle) -> None:
         geom.type = mujoco.mjtGeom.mjGEOM_CYLINDER
         geom.size = [handle.thickness_m / 2, half, 0.0]
         geom.quat = [0.5**0.5, 0.0, 0.5**0.5, 0.0]
-    if handle.friction is not None:
-        geom.friction = [handle.friction, 0.005, 1e-4]
-        geom.priority = 1
+    geom.friction = [handle.friction, 0.005, 1e-4]
+    geom.priority = 1  # without it the larger friction of the two decides, which is the pads'
 
 
 def grasp_pose(handle_pos: Array, handle_quat: Array, finger_sign: float) -> tuple[Array, Array, Array]:

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from p2l.records import Array, BoolArray
 from p2l import poses
+from p2l.records import Array, BoolArray
 from p2l.skills.follow import Follow, Waypoints
 from p2l.worlds.door import Door
 from p2l.worlds.handles import axis_of, grasp_pose, hinge_of
@@ -34,9 +34,9 @@ class Motion:
     """
 
     before_m: float = 0.06
-    above_m: float = 0.006
-    latch_rad: float = 1.6
-    hinge_rad: float = 0.45
+    above_m: float = 0.004
+    latch_rad: float = 1.46
+    hinge_rad: float = 0.5
 
 
 def options(world: Door, motion: Motion = Motion()) -> tuple[Follow, ...]:
@@ -58,8 +58,8 @@ def options(world: Door, motion: Motion = Motion()) -> tuple[Follow, ...]:
         return _arc(seen, centre, np.tile(UP, (len(seen), 1)), motion.hinge_rad - seen["hinge_rad"][:, 0], 2)
 
     return (
-        Follow("reach_and_grasp", reach, (10, 14, 6), (0, 3, 6), can_reach),
-        Follow("rotate_handle", rotate, (5, 5, 8), (0, 0, 3), can_rotate),
+        Follow("reach_and_grasp", reach, (8, 10, 6), (0, 2, 6), can_reach),
+        Follow("rotate_handle", rotate, (6, 6, 8), (0, 0, 2), can_rotate),
         Follow("pull_handle", pull, (8, 12), (0, 4), can_pull),
     )
 
