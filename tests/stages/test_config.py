@@ -16,6 +16,8 @@ from stages import config
 ROOT = Path(__file__).resolve().parents[2]
 PRESETS = sorted(path.stem for path in (ROOT / "conf" / "experiment").glob("*.yaml"))
 DOMAINS = sorted(path.stem for path in (ROOT / "conf" / "domain").glob("*.yaml"))
+STAGES = config.WORLD_STAGES
+WORLDS = sorted(path.stem for path in (ROOT / "conf" / "world").glob("*.yaml"))
 
 
 def configure(out, *words):
@@ -34,11 +36,12 @@ def written(tmp_path_factory):
 
 
 @pytest.mark.parametrize("preset", PRESETS)
-def test_every_preset_configures_every_stage_of_every_domain(tmp_path, preset):
-    configure(tmp_path, f"preset={preset}", f"domains=[{','.join(DOMAINS)}]")
+def test_every_preset_configures_every_stage_of_every_item(tmp_path, preset):
+    configure(tmp_path, f"preset={preset}", f"domains=[{','.join(DOMAINS)}]", f"worlds=[{','.join(WORLDS)}]")
     items = {path.relative_to(tmp_path).as_posix() for path in tmp_path.glob("*/*.yaml")}
-    stages = ("collect", "fit_transfer", "plan", "evaluate_team")
-    assert items == {f"{domain}/{stage}.yaml" for domain in DOMAINS for stage in stages} | {"report/report.yaml"}
+    of_domains = {f"{domain}/{stage}.yaml" for domain in DOMAINS for stage in config.DOMAIN_STAGES}
+    of_worlds = {f"{world}/{stage}.yaml" for world in WORLDS for stage in config.WORLD_STAGES}
+    assert items == of_domains | of_worlds | {"report/report.yaml"}
     for path in tmp_path.glob("*/*.yaml"):
         content = yaml.safe_load(path.read_text())
         assert "${" not in path.read_text()
@@ -48,10 +51,23 @@ def test_every_preset_configures_every_stage_of_every_domain(tmp_path, preset):
 
 def test_overrides_reach_their_stage_and_removed_items_go(tmp_path, written):
     shutil.copytree(written, tmp_path, dirs_exist_ok=True)
-    configure(tmp_path, "domains=[lego]", "+overrides.plan=['time_limit_s=7.5']", "seed=7")
-    assert sorted(path.name for path in tmp_path.iterdir() if path.is_dir()) == ["lego", "report"]
+    configure(tmp_path, "domains=[lego]", "worlds=[door]", "+overrides.plan=['time_limit_s=7.5']", "seed=7")
+    assert sorted(path.name for path in tmp_path.iterdir() if path.is_dir()) == ["door", "lego", "report"]
     plan = yaml.safe_load((tmp_path / "lego" / "plan.yaml").read_text())
     assert (plan["time_limit_s"], plan["seed"]) == (7.5, 7)
+
+
+def test_a_variant_of_a_world_has_folders_of_its_own(tmp_path):
+    """A file of `conf/world` is an item; every stage of it reads and writes under the item's name."""
+    written = {}
+    for item in WORLDS:
+        configure(tmp_path, "domains=[lego]", f"worlds=[{item}]")
+        written[item] = {stage: yaml.safe_load((tmp_path / item / f"{stage}.yaml").read_text()) for stage in STAGES}
+    for item, stages in written.items():
+        assert stages["discover"]["item"] == item
+        assert stages["cluster"]["failures"] == f"data/discover/{item}/failures_train.npz"
+        assert stages["cluster"]["held_out"] == f"data/discover/{item}/failures_held_out.npz"
+        assert stages["cluster"]["world"] == stages["discover"]["world"]
 
 
 @pytest.mark.parametrize(
@@ -61,6 +77,10 @@ def test_overrides_reach_their_stage_and_removed_items_go(tmp_path, written):
         ("domains=[door]", "door"),
         ("domains=[]", "at least one domain"),
         ("domains=[lego,lego]", "none twice"),
+        ("worlds=[door,door]", "none twice"),
+        ("worlds=[doors]", "doors"),
+        ("+overrides.discover=['strategy=optimistic']", "strategy: given 'optimistic'"),
+        ("+overrides.cluster=['video.width=33']", "video.width: given '33'"),
         ("+overrides.plan=['gap=-1']", "gap: given '-1'"),
         ("+overrides.plan=['gep=1']", "gep"),
         ("+overrides.plan=['planner=greedy']", "planner: only for your own tasks"),

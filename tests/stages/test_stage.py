@@ -179,7 +179,10 @@ HEAVY = {
     "numba",
 }
 NEEDS = {
+    "cluster": {"mujoco", "matplotlib", "sklearn"},
     "collect": {"mujoco", "matplotlib"},
+    "discover": {"mujoco"},
+    "watch": {"mujoco"},
     "config": set(),
     "fit_transfer": {"torch", "matplotlib"},
     "plan": set(),

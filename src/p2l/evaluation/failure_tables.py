@@ -4,16 +4,18 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
 
 from p2l.evaluation.statistics import wilson_interval
-from p2l.failures.clustering import Clustering
 from p2l.failures.discovery import Found
 from p2l.failures.record import SPLITS, Failures
 from p2l.records import IntArray
+
+if TYPE_CHECKING:  # who discovers does not load scikit-learn
+    from p2l.failures.clustering import Clustering
 
 
 def found_summary(found: Found) -> dict[str, Any]:

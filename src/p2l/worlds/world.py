@@ -143,7 +143,7 @@ class World(Protocol):
     def mode_fields(self) -> tuple[str, ...]:
         """What tells failures apart: fields of `privileged`, or differences of two, e.g. `grip_pos_m - handle_pos_m`.
 
-        Empty stands for the hand relative to everything that has a position, and every field of one column.
+        Empty stands for the hand relative to everything that has a position, and every length and angle of one column.
         """
 
     @property
