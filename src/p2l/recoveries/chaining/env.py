@@ -93,7 +93,8 @@ class RecoveryVectorEnv(VectorEnv[Seen, npt.NDArray[np.int64], npt.NDArray[Any]]
         info: dict[str, Any] = {"control_steps": told.steps, "is_success": told.done}
         if told.over.any():
             last = np.empty(self.num_envs, dtype=object)
-            last[told.over] = list(told.observation[told.over].astype(np.float32))
+            for row in np.flatnonzero(told.over):
+                last[row] = told.observation[row].astype(np.float32)
             info |= {"final_obs": last, "_final_obs": told.over}
         return told.next_observation.astype(np.float32), told.reward, told.over & ~told.cut, told.cut, info
 

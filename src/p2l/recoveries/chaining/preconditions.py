@@ -80,10 +80,10 @@ class Visited:
 
 
 def visit(world: World, nominal: Sequence[Option], starts: Rows, *, every: int) -> Visited:
-    """States of one nominal trajectory from each of `starts`, every so many control steps of an episode."""
-    seen: list[Observation] = []
-    episodes: list[IntArray] = []
-    steps: list[IntArray] = []
+    """States of one nominal trajectory from each of `starts`, the first and every so many control steps."""
+    seen: list[Observation] = [world.observe(starts)]
+    episodes: list[IntArray] = [np.arange(len(starts))]
+    steps: list[IntArray] = [np.zeros(len(starts), dtype=np.int64)]
 
     def watch(episode: IntArray, step: IntArray, rows: Rows) -> None:
         due = step % every == 0

@@ -1,0 +1,141 @@
+"""Laws of learning on the pool: time, cut trajectories, exported policies, resuming."""
+
+import numpy as np
+import pytest
+import torch
+from numpy.testing import assert_allclose, assert_array_equal
+from stable_baselines3.common.callbacks import BaseCallback
+
+from p2l.errors import ArtifactError, ConfigError
+from p2l.recoveries.chaining.checkpoint import FILE, load_checkpoint
+from p2l.recoveries.chaining.learner import Task
+from p2l.recoveries.chaining.learners import make_learner
+from p2l.recoveries.chaining.mdp import Limits
+from p2l.recoveries.chaining.policy import check_policy, load_policy
+from p2l.recoveries.chaining.ppo import PoolPPO, PPOSettings
+from p2l.recoveries.chaining.train import TrainSettings, card_of, exported, split, train
+
+SMALL = PPOSettings(n_steps=24, batch_size=12, n_epochs=2, hidden=(8, 8))
+
+
+def made(task, seed=0, **limits):
+    learner = make_learner("rc", task, Limits(**limits))
+    pool = learner.pool(task, np.random.default_rng(seed), 8)
+    return PoolPPO(pool, SMALL, card_of(task, learner, "rc", "hash").normalisation, seed)
+
+
+class Keep(BaseCallback):
+    """What the buffer holds after each rollout, and the decisions that it was filled with."""
+
+    def __init__(self):
+        super().__init__()
+        self.rounds = []
+
+    def _on_step(self):
+        return True
+
+    def _on_rollout_end(self):
+        self.rounds.append((self.locals["taken"], self.model.rollout_buffer))
+        taken, buffer = self.rounds[-1]
+        with torch.no_grad():
+            after = self.model.policy.predict_values(torch.tensor(taken.after, dtype=torch.float32))[:, 0].numpy()
+        assert_allclose(buffer.rewards[:, 0], taken.reward + taken.open_end * 0.99 * after, atol=1e-6)
+        assert_array_equal(buffer.episode_starts[:, 0], taken.head)
+        # A trajectory of one decision: its advantage is its reward minus its value, by hand.
+        alone = taken.head & np.append(taken.head[1:], True)
+        assert_allclose(buffer.advantages[alone, 0], (buffer.rewards - buffer.values)[alone, 0], atol=1e-6)
+
+
+def test_the_buffer_holds_trajectories_and_time_is_simulated_control_steps(task):
+    model, keep = made(task), Keep()
+    model.learn(600, callback=keep)
+    assert model.num_timesteps == model.pool.control_steps >= 600
+    assert len(keep.rounds) >= 2
+    assert any(taken.open_end.any() for taken, _ in keep.rounds)
+
+
+def test_a_run_is_decided_by_its_seed(task):
+    first, second = made(task, 3).learn(300), made(task, 3).learn(300)
+    for one, other in zip(first.policy.parameters(), second.policy.parameters(), strict=True):
+        assert torch.equal(one, other)
+
+
+def test_an_exported_policy_does_what_sb3_does_and_is_refused_elsewhere(task, tmp_path):
+    learner = make_learner("rc", task, Limits(history=2))
+    card = card_of(task, learner, "rc", "hash")
+    train(
+        task,
+        learner,
+        task.failures.take(range(4)),
+        TrainSettings(600, 8, 300, 4, SMALL),
+        card,
+        tmp_path,
+        lambda *_: None,
+    )
+    policy = load_policy(tmp_path)
+    assert policy.card.told["control_steps"] > 0 or policy.card.told["evaluation_success"] == 0.0
+
+    model = made(task, history=2)
+    observation = np.random.default_rng(0).normal(size=(200, len(card.columns)))
+    mine = exported(model, card).act(observation)
+    assert_array_equal(mine, model.predict(observation.astype(np.float32), deterministic=True)[0])
+    assert len(np.unique(mine)) > 1
+
+    known = {"world": "push", "digest": card.digest, "columns": card.columns, "actions": card.actions}
+    check_policy(policy, tmp_path, **known)
+    for wrong, message in (
+        ({"world": "door"}, "a policy for world 'push'; this is 'door'"),
+        ({"actions": card.actions[:-1]}, r"14 actions \(from push\); this world has 13"),
+        ({"columns": card.columns[1:]}, r"columns \(grip_pos_m\[0\]\)"),
+        ({"digest": "other"}, "other parameters or code"),
+    ):
+        with pytest.raises(ArtifactError, match=message):
+            check_policy(policy, tmp_path, **(known | wrong))
+    check_policy(policy, tmp_path, **(known | {"digest": "other"}), transfer=True)
+
+
+def test_a_killed_run_resumes_and_another_configuration_is_refused(task, tmp_path):
+    learner = make_learner("rc", task, Limits())
+    card = card_of(task, learner, "rc", "hash")
+    apart = task.failures.take(range(4))
+
+    def killed(kind, row):
+        if kind == "evaluation" and row["control_steps"] > 0:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        train(task, learner, apart, TrainSettings(2000, 8, 300, 4, SMALL), card, tmp_path, killed)
+    left = load_checkpoint(tmp_path, card)
+    assert 300 <= left.control_steps < 2000
+    rows = []
+    done = train(
+        task, learner, apart, TrainSettings(2000, 8, 300, 4, SMALL), card, tmp_path, lambda *row: rows.append(row)
+    )
+    assert [row["round"] for row in done.rounds] == list(range(len(done.rounds)))
+    assert done.control_steps >= 2000
+    times = [row["control_steps"] for row in done.rounds]
+    assert times == sorted(times)
+    assert rows[0][1]["control_steps"] > left.control_steps, "it goes on, it does not start over"
+    with pytest.raises(ArtifactError, match=f"{FILE}: left by a run with another configuration"):
+        load_checkpoint(tmp_path, card_of(task, learner, "rc", "other"))
+
+
+def test_bad_input_is_refused_before_anything_is_simulated(task, failures):
+    with pytest.raises(ConfigError, match=r"no failures of world 'push'.*stages\.discover"):
+        Task(task.world, task.nominal, failures.take(np.zeros(len(failures), dtype=bool)), 0)
+    with pytest.raises(
+        ConfigError, match="less than one round of 120 decisions of 10 control steps; give at least 1200"
+    ):
+        TrainSettings(budget=1199)
+    with pytest.raises(ConfigError, match="unknown learner 'sac'; known: lazy_rc, pp, rc, rl"):
+        make_learner("sac", task, Limits())
+    with pytest.raises(ConfigError, match=r"learner 'pp': unknown parameters \['trees'\]; allowed: trajectories"):
+        make_learner("pp", task, Limits(), {"trees": 3})
+
+
+def test_failures_are_set_apart_only_where_there_are_enough(failures):
+    many = failures.take(np.arange(50) % len(failures))
+    parts = split(many, 10, 0, "push")
+    assert (len(parts.learnt), len(parts.apart)) == (40, 10)
+    few = split(many.take(np.arange(12)), 10, 0, "push")
+    assert (len(few.learnt), len(few.apart)) == (12, 10)
