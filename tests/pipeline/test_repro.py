@@ -12,7 +12,10 @@ from mlflow import MlflowClient
 
 from tests.pipeline.conftest import environment
 
-STAGES = ("collect", "fit_transfer", "plan", "evaluate_team")
+STAGES = {
+    "domains": ("collect", "fit_transfer", "plan", "evaluate_team"),
+    "worlds": ("discover", "cluster"),
+}
 
 
 def changed(clone):
@@ -35,16 +38,16 @@ def restored(clone):
 
 def test_every_output_is_there_and_the_store_has_every_run(clone):
     lock = yaml.safe_load((clone.path / "dvc.lock").read_text())["stages"]
-    domains = yaml.safe_load((clone.path / "conf/pipeline.yaml").read_text())["domains"]
-    assert {f"{stage}@{domain}" for stage in STAGES for domain in domains} <= set(lock)
-    for stage in lock.values():
-        assert all((clone.path / out["path"]).exists() for out in stage["outs"])
+    pipeline = yaml.safe_load((clone.path / "conf/pipeline.yaml").read_text())
     client = MlflowClient(tracking_uri=f"sqlite:///{clone.path / 'mlflow.db'}")
-    for stage in STAGES:
+    for stage, items in ((stage, pipeline[kind]) for kind, stages in STAGES.items() for stage in stages):
+        assert {f"{stage}@{item}" for item in items} <= set(lock)
         runs = client.search_runs([client.get_experiment_by_name(stage).experiment_id])
-        assert {run.data.tags["world"] for run in runs} == set(domains)
+        assert {run.data.tags["world"] for run in runs} == set(items)
         assert {run.info.status for run in runs} == {"FINISHED"}
         assert all(run.data.metrics for run in runs)
+    for stage in lock.values():
+        assert all((clone.path / out["path"]).exists() for out in stage["outs"])
 
 
 def test_a_second_run_does_nothing(clone):

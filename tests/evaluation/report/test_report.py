@@ -12,7 +12,7 @@ import yaml
 from p2l.artifacts import load_json, save_arrays, save_json, save_table
 from p2l.errors import ArtifactError
 from p2l.evaluation.report.files import save_report
-from p2l.evaluation.report.page import Picture, Reading, Section, Sheet, render
+from p2l.evaluation.report.page import Films, Picture, Reading, Section, Sheet, render
 from p2l.evaluation.report.registry import SECTIONS
 from p2l.evaluation.report.sources import Sources
 from p2l.evaluation.report.views import averages, estimate, plain_setting, spoken
@@ -29,10 +29,11 @@ REGIMES = {
 BOARD = {"board": {"c_rob": 10, "c_hum": 100, "c_fail": 100, "c_demo": 300, "levels": [0]}}
 TABLES = {
     *("walls", "transfer_model", "figure_3_7", "table_3_1", "table_3_2", "figure_3_10", "figure_3_10_insertion"),
-    *("order_any", "prediction_price"),
+    *("order_any", "prediction_price", "nominal", "failure_modes"),
 }
 FIGURES = {"overview", "environments", "figure_3_7", "table_3_1", "figure_3_9", "figure_3_10", "figure_3_10_insertion"}
 DOMAINS = ("insertion", "board", "lego")
+WORLDS = ("door", "pick_place")
 
 
 class HalfModel:
@@ -87,11 +88,38 @@ def write_domain(data, domain):
     (config / "evaluate_team.yaml").write_text(yaml.safe_dump({"study": chosen}))
 
 
+def write_world(data, world, successes, filmed):
+    """What discover and cluster leave of a world: half the failures are missed handles."""
+    split = {
+        "executions": 60,
+        "diverged": 1,
+        "success": {"mean": successes / 50, "low": 0.1, "high": 0.9, "trials": 50},
+        "failures": 20,
+        "first_kind": {"missed_handle": 10, "stranded": 10},
+    }
+    found = {"strategy": "pessimistic" if world == "door" else "first_flag", "train": split, "held_out": split}
+    save_json(data / "discover" / world / "summary.json", found, schema="discover_summary", version=1)
+    mode = {"size": 10, "weight": 0.5, "held_out": 3, "typical": 0, "probability": 0.9, "kind:stranded": 1.0}
+    mode |= {"kind:missed_handle": 0.0, "option:pull": 0.7, "option:reach": 0.3, "mean:gap_m": 0.01}
+    modes = [{"mode": number, **mode} for number in range(2)]
+    grouped = {"strategy": found["strategy"], "executions": 60, "failures": 20, "held_out": 6, "modes": modes}
+    folder = data / "cluster" / world
+    save_json(folder / "summary.json", grouped, schema="cluster_summary", version=1)
+    (folder / "modes.png").write_bytes(b"a picture")
+    shown = [{"file": f"mode_{number}.mp4", "option": "pull", "kind": "stranded", "time_s": 3.5} for number in range(2)]
+    index = {"videos": shown, "skipped": None} if filmed else {"videos": [], "skipped": "no videos: install libegl1"}
+    save_json(folder / "videos" / "videos.json", index, schema="videos", version=1)
+    for one in index["videos"]:
+        (folder / "videos" / one["file"]).write_bytes(b"a film")
+
+
 @pytest.fixture(scope="module")
 def data(tmp_path_factory):
     folder = tmp_path_factory.mktemp("stages") / "data"
     for domain in DOMAINS:
         write_domain(folder, domain)
+    write_world(folder, "door", successes=34, filmed=True)
+    write_world(folder, "pick_place", successes=10, filmed=False)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Sources, "model", lambda self, domain: HalfModel())
         yield folder
@@ -105,8 +133,8 @@ def report(data, tmp_path_factory):
     return out
 
 
-def make(data, out, domains=DOMAINS):
-    sections = [section(Sources(data, FOLDER, domains)) for section in SECTIONS]
+def make(data, out, domains=DOMAINS, worlds=WORLDS):
+    sections = [section(Sources(data, FOLDER, domains, worlds)) for section in SECTIONS]
     save_report(out, "Report", ["About."], sections)
     return (out / "index.html").read_text()
 
@@ -131,15 +159,46 @@ def test_the_page_holds_every_table_and_figure_and_fetches_nothing(report):
     page = (report / "index.html").read_text()
     assert {path.stem for path in (report / "tables").iterdir()} == TABLES
     figures = {path.stem for path in (report / "figures").iterdir()}
-    assert figures == FIGURES | {f"{kind}_{d}" for kind in ("strategy", "calibration", "transfer") for d in DOMAINS}
+    of_domains = {f"{kind}_{d}" for kind in ("strategy", "calibration", "transfer") for d in DOMAINS}
+    assert figures == FIGURES | of_domains | {f"modes_{world}" for world in WORLDS}
     assert all(f"tables/{name}.csv" in page for name in TABLES)
     assert all(f'alt="{name}"' in page for name in figures)
     parser = Resources()
     parser.feed(page)
     assert not parser.open
-    assert all(re.match(r"#|data:image/png;base64,", link) for link in parser.found)
+    assert all(re.match(r"#|data:(image/png|video/mp4);base64,", link) for link in parser.found)
     assert "url(" not in page
     assert "<script" not in page
+
+
+def test_nominal_skills_stand_beside_the_thesis(report):
+    page = (report / "index.html").read_text()
+    table = pd.read_csv(report / "tables" / "nominal.csv").set_index(["setting", "metric"])
+    assert table.loc[("world=door", "success"), "mean"] == 0.68
+    assert table.loc[("world=door", "success"), "thesis"] == 0.71
+    assert table.loc[("world=pick_place", "success"), "thesis"] == 0.7
+    assert table.loc[("world=door", "failures_per_execution"), "mean"] == 0.4
+    assert table.loc[("world=door", "first_failure/missed_handle"), "mean"] == 0.5
+    assert re.search(r"door: 68.0 % \[[\d., ]+\]\. <span class=\"mark\">✓", page)
+    assert re.search(r"pick_place: 20.0 % \[[\d., ]+\]\. <span class=\"mark\">✗", page)
+    modes = pd.read_csv(report / "tables" / "failure_modes.csv").set_index(["setting", "metric"])
+    assert modes.loc[("world=door", "modes"), "mean"] == 2
+    assert modes.loc[("world=door;mode=1", "option/pull"), "mean"] == 0.7
+    assert page.count("<video") == 2
+    assert "pick_place: no videos: install libegl1" in page
+
+
+def test_without_worlds_their_sections_say_so(data, tmp_path):
+    page = make(data, tmp_path, worlds=())
+    assert page.count("Left out: conf/pipeline.yaml runs no worlds") == 2
+
+
+def test_a_missing_film_names_the_stage_to_run(data, tmp_path):
+    broken = tmp_path / "data"
+    shutil.copytree(data, broken)
+    (broken / "cluster" / "door" / "videos" / "mode_1.mp4").unlink()
+    with pytest.raises(ArtifactError, match=r"mode_1\.mp4.*dvc repro cluster"):
+        Sources(broken, FOLDER, DOMAINS, WORLDS).videos("door")
 
 
 def test_csv_files_have_the_promised_columns(report):
@@ -201,8 +260,10 @@ def test_two_tables_of_one_name_are_refused(tmp_path):
 def test_text_is_escaped_and_verdicts_are_shown():
     sheet = Sheet("t", pd.DataFrame(), ["<x-head>"], [["<x-cell>"]], "<x-caption>")
     parts = ["<x-words>", Reading("<x-claim>", "<x-ours>", "partly"), sheet, Picture("p", b"png", "<x-figure>")]
+    parts.append(Films([("<x-film>", b"mp4", "<x-scene>")]))
     page = render("<x-title>", ["<x-lead>"], [Section("<x-section>", parts, ["<x-command>"])])
     words = ("head", "cell", "caption", "words", "claim", "ours", "figure", "title", "lead", "section", "command")
+    words += ("film", "scene")
     assert all(f"&lt;x-{word}&gt;" in page for word in words)
     assert "<x-" not in page
     assert "≈ in part" in page
