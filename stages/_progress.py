@@ -35,3 +35,15 @@ def counter(title: str, unit: str, total: int) -> Iterator[Callable[[int], None]
             shown.update(more)
 
         yield show
+
+
+@contextmanager
+def training(title: str, total: int) -> Iterator[Callable[[int, float], None]]:
+    """Yield a function of the control steps so far and the success rate of the last round."""
+    with tqdm(desc=title, unit=" steps", total=total, disable=None, leave=False, smoothing=0.05) as shown:
+
+        def show(done: int, success: float) -> None:
+            shown.set_postfix_str(f"success {success:.0%}", refresh=False)
+            shown.update(min(done, total) - shown.n)
+
+        yield show

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from p2l.schema.base import StageConfig, resolve, validate
+from p2l.schema.chains import ChainRecoveriesConfig, EvaluateChainsConfig
 from p2l.schema.pipeline import ConfigStageConfig, ReportConfig
 from p2l.schema.recovery import ClusterConfig, DiscoverConfig, WatchConfig
 from p2l.schema.team import CollectConfig, EvaluateTeamConfig, FitTransferConfig, PlanConfig
@@ -21,6 +22,8 @@ SCHEMAS: Mapping[str, type[StageConfig]] = {
     "evaluate_team": EvaluateTeamConfig,
     "discover": DiscoverConfig,
     "cluster": ClusterConfig,
+    "chain_recoveries": ChainRecoveriesConfig,
+    "evaluate_chains": EvaluateChainsConfig,
     "watch": WatchConfig,
     "report": ReportConfig,
     "config": ConfigStageConfig,
@@ -28,10 +31,12 @@ SCHEMAS: Mapping[str, type[StageConfig]] = {
 
 __all__ = [
     "SCHEMAS",
+    "ChainRecoveriesConfig",
     "ClusterConfig",
     "CollectConfig",
     "ConfigStageConfig",
     "DiscoverConfig",
+    "EvaluateChainsConfig",
     "EvaluateTeamConfig",
     "FitTransferConfig",
     "PlanConfig",

@@ -3,10 +3,10 @@
 import numpy as np
 from numpy.testing import assert_array_equal
 
-from p2l.recoveries.chaining.execute import Agent, overall, recover
+from p2l.recoveries.chaining.agent import agent_of
+from p2l.recoveries.chaining.execute import nominal_part, overall, recover
 from p2l.recoveries.chaining.learners import make_learner
 from p2l.recoveries.chaining.mdp import Limits
-from p2l.skills import chain
 from p2l.skills.primitives import PRIMITIVES
 from p2l.skills.runner import Reason
 
@@ -15,10 +15,10 @@ BACK, PUSH = 1, len(PRIMITIVES) + 1
 
 def test_the_recovery_takes_over_where_the_nominal_skills_were_flagged_and_only_there(world, nominal, task):
     starts = world.sample(np.random.default_rng(8), 40)
-    plain = chain.run(world, nominal, starts)
+    plain = nominal_part(world, nominal, starts)
     learner = make_learner("rc", task, Limits())
-    agent = Agent(learner, lambda observation: np.full(len(observation), PUSH))
-    found = overall(world, nominal, agent, starts)
+    agent = agent_of(learner, lambda observation: np.full(len(observation), PUSH))
+    found = overall(world, nominal, agent, starts, plain)
     assert_array_equal(found.nominal, plain.success)
     assert_array_equal(found.flagged, plain.last.reason == Reason.FAILED)
     alone = recover(world, nominal, agent, plain.last.rows.take(found.flagged))
@@ -30,7 +30,7 @@ def test_the_recovery_takes_over_where_the_nominal_skills_were_flagged_and_only_
 
 def test_an_agent_that_never_hands_over_is_stopped_at_the_bounds(world, nominal, task, failures):
     learner = make_learner("rc", task, Limits(decisions=4))
-    found = recover(world, nominal, Agent(learner, lambda observation: np.full(len(observation), 4)), failures)
+    found = recover(world, nominal, agent_of(learner, lambda observation: np.full(len(observation), 4)), failures)
     assert not found.success.any()
     assert_array_equal((found.actions >= 0).sum(axis=1), 4)
     assert_array_equal(found.steps, 40)
@@ -39,7 +39,7 @@ def test_an_agent_that_never_hands_over_is_stopped_at_the_bounds(world, nominal,
 def test_preconditions_hand_over_to_the_best_controller_at_the_latest_at_the_bounds(world, nominal, task, failures):
     limits = Limits(decisions=2, fields=("grip_pos_m", "block_y_m"))
     learner = make_learner("pp", task, limits, {"trajectories": 60, "every": 2})
-    found = recover(world, nominal, Agent(learner, lambda observation: np.full(len(observation), BACK)), failures)
+    found = recover(world, nominal, agent_of(learner, lambda observation: np.full(len(observation), BACK)), failures)
     assert found.actions.shape[1] == 3
     handed = (found.actions >= len(PRIMITIVES)).any(axis=1)
     early = (found.actions == BACK).sum(axis=1) < 2

@@ -10,39 +10,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from p2l.records import Array, BoolArray, IntArray
-from p2l.recoveries.chaining.learner import Act, Learner
+from p2l.records import BoolArray, IntArray
+from p2l.recoveries.chaining.agent import Agent
 from p2l.recoveries.chaining.mdp import Transitions, Watch
 from p2l.recoveries.chaining.pool import Pool
-from p2l.skills.chain import run
+from p2l.skills.chain import Execution, run
 from p2l.skills.option import Option
 from p2l.skills.runner import Reason
 from p2l.worlds.world import Rows, World
 
 BATCH = 256  # episodes at once
 Progress = Callable[[int], None]
-
-
-@dataclass(frozen=True)
-class Agent:
-    """A learnt policy with what its learner wants done around it.
-
-    Attributes:
-        learner: see there.
-        act: [K] actions of the network from [K, O] states.
-    """
-
-    learner: Learner
-    act: Act
-
-    def choose(self, observation: Array, decision: IntArray) -> IntArray:
-        """[K] primitives, or `len(primitives)` + a nominal option, for each row's `decision` [K] from 0 on."""
-        action = self.act(observation)
-        if (known := self.learner.preconditions) is not None:
-            last = decision >= self.learner.limits.decisions
-            best = len(self.learner.primitives) + known.best(observation)
-            action = np.where(known.met(observation) | last, best, action)
-        return action
 
 
 @dataclass(frozen=True)
@@ -93,10 +71,10 @@ def recover(world: World, nominal: Sequence[Option], agent: Agent, rows: Rows, w
 
 
 def _recover(world: World, nominal: Sequence[Option], agent: Agent, rows: Rows, watch: Watch | None) -> Recovered:
-    limits, learner = agent.learner.limits, agent.learner
-    if learner.preconditions is not None:  # one decision more: the handing over
+    limits = agent.limits
+    if agent.preconditions is not None:  # one decision more: the handing over
         limits = replace(limits, decisions=limits.decisions + 1, primitive_steps=limits.primitive_steps + 1)
-    pool = Pool(world, nominal, learner.primitives, lambda n: rows.take(np.arange(n)), len(rows), limits)
+    pool = Pool(world, nominal, agent.primitives, lambda n: rows.take(np.arange(n)), len(rows), limits)
     busy = np.ones(len(rows), dtype=np.bool_)
     actions = np.full((len(rows), limits.decisions), -1)
     count, steps = np.zeros((2, len(rows)), dtype=np.int64)
@@ -115,13 +93,25 @@ def _recover(world: World, nominal: Sequence[Option], agent: Agent, rows: Rows, 
     return Recovered(success, actions, steps)
 
 
-def overall(world: World, nominal: Sequence[Option], agent: Agent, starts: Rows, *, slots: int = 64) -> Overall:
-    """Run the robot from each of `starts` [N]: by equation 5.1, or by the policy alone if it learnt the whole task."""
-    if agent.learner.whole_task:
+def nominal_part(world: World, nominal: Sequence[Option], starts: Rows, *, slots: int = 64) -> Execution:
+    """The nominal chain from each of `starts`, until it ends or a detector fires; the same for every agent."""
+    return run(world, nominal, starts, slots=slots)
+
+
+def overall(world: World, nominal: Sequence[Option], agent: Agent, starts: Rows, plain: Execution) -> Overall:
+    """The robot from each of `starts` [N]: by equation 5.1, or the policy alone if it learnt the whole task.
+
+    Args:
+        world: where.
+        nominal: the chain.
+        agent: takes over where the chain was flagged.
+        starts: [N].
+        plain: what `nominal_part` did from them.
+    """
+    if agent.whole_task:
         done = recover(world, nominal, agent, starts)
-        none = np.zeros(len(starts), dtype=np.bool_)
-        return Overall(none, ~none, done, done.success, none)
-    plain = run(world, nominal, starts, slots=slots)
+        every = np.ones(len(starts), dtype=np.bool_)
+        return Overall(~every, every, done, done.success, ~every)
     flagged = plain.last.reason == Reason.FAILED
     success = plain.success.copy()
     recovered = Recovered(success[:0], np.zeros((0, 0), dtype=np.int64), np.zeros(0, dtype=np.int64))

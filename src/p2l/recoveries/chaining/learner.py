@@ -1,19 +1,16 @@
 """What a learner brings to PPO: its actions, its reward, where its episodes start, how its policy acts afterwards.
 
 A learner is one file with a function `learner(task, **settings) -> Learner`, and one line in `learners`.
-
-Axis letters: K rows, O observation columns.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from p2l.errors import ConfigError
-from p2l.records import Array, IntArray
 from p2l.recoveries.chaining.mdp import Judge, Limits, task_success
 from p2l.recoveries.chaining.pool import Pool
 from p2l.recoveries.chaining.preconditions import Preconditions
@@ -22,7 +19,13 @@ from p2l.skills.option import Option
 from p2l.skills.primitives import PRIMITIVES, Primitive
 from p2l.worlds.world import Rows, World
 
-Act = Callable[[Array], IntArray]
+
+def no_failures(world: str) -> ConfigError:
+    """There is nothing to learn from."""
+    return ConfigError(
+        f"no failures of world '{world}' to recover from; find some with `python -m stages.discover world={world}`, "
+        "with more executions or more noise"
+    )
 
 
 @dataclass(frozen=True)
@@ -43,10 +46,7 @@ class Task:
 
     def __post_init__(self) -> None:
         if not len(self.failures):
-            raise ConfigError(
-                f"no failures of world '{self.world.name}' to recover from; find some with "
-                f"`python -m stages.discover world={self.world.name}`, with more executions or more noise"
-            )
+            raise no_failures(self.world.name)
 
 
 @dataclass(frozen=True)

@@ -5,11 +5,13 @@ from __future__ import annotations
 import importlib
 import inspect
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from p2l.errors import ConfigError
-from p2l.recoveries.chaining.learner import Learner, Task
-from p2l.recoveries.chaining.mdp import Limits
+
+if TYPE_CHECKING:  # who checks a name in a configuration needs no learner
+    from p2l.recoveries.chaining.learner import Learner, Task
+    from p2l.recoveries.chaining.mdp import Limits
 
 _MODULES: dict[str, str] = {}
 

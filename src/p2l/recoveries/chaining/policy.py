@@ -62,6 +62,8 @@ class Card:
         actions: A names.
         limits: bounds of an episode.
         normalisation: of the columns.
+        whole_task: it acts from the start of the task, not from a failure.
+        preconditions: it hands over where learnt preconditions hold; they lie beside it.
         told: numbers for the reader: control steps, success at evaluation.
     """
 
@@ -74,6 +76,8 @@ class Card:
     actions: tuple[str, ...]
     limits: Limits
     normalisation: Normalisation
+    whole_task: bool = False
+    preconditions: bool = False
     told: Mapping[str, float] = field(default_factory=dict)
 
     def plain(self) -> dict[str, Any]:
@@ -82,6 +86,7 @@ class Card:
         known |= {"world_digest": self.digest, "columns": list(self.columns), "actions": list(self.actions)}
         scale = {"centre": self.normalisation.centre.tolist(), "scale": self.normalisation.scale.tolist()}
         known |= {"limits": asdict(self.limits), "normalisation": scale, "told": dict(self.told)}
+        known |= {"whole_task": self.whole_task, "preconditions": self.preconditions}
         return known | {"activation": "tanh", "clip": CLIP}
 
     @classmethod
@@ -97,6 +102,8 @@ class Card:
             actions=tuple(plain["actions"]),
             limits=Limits(**{**plain["limits"], "fields": tuple(plain["limits"]["fields"])}),
             normalisation=Normalisation(**{name: np.array(value) for name, value in plain["normalisation"].items()}),
+            whole_task=plain["whole_task"],
+            preconditions=plain["preconditions"],
             told=plain["told"],
         )
 

@@ -11,16 +11,18 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
 from stable_baselines3.common.callbacks import BaseCallback
 
 from p2l.errors import ConfigError
+from p2l.recoveries.chaining.agent import agent_of, save_agent
 from p2l.recoveries.chaining.checkpoint import Progress, load_checkpoint, save_checkpoint
-from p2l.recoveries.chaining.execute import Agent, recover
-from p2l.recoveries.chaining.learner import Learner, Task
-from p2l.recoveries.chaining.policy import Card, Normalisation, Policy, save_policy
+from p2l.recoveries.chaining.execute import recover
+from p2l.recoveries.chaining.learner import Learner, Task, no_failures
+from p2l.recoveries.chaining.policy import Card, Normalisation, Policy
 from p2l.recoveries.chaining.pool import action_names, first_state
 from p2l.recoveries.chaining.ppo import PoolPPO, PPOSettings
 from p2l.seeding import entropy, generator
@@ -67,11 +69,41 @@ Report = Callable[[str, Mapping[str, float]], None]
 
 
 def split(rows: Rows, episodes: int, seed: int, world: str) -> Split:
-    """Set `episodes` failures apart; where that would be more than a fifth, none, and evaluations use them all."""
+    """Set `episodes` failures apart; where that would be more than a fifth, none, and evaluations use them all.
+
+    Raises:
+        ConfigError: there is no failure.
+    """
+    if not len(rows):
+        raise no_failures(world)
     order = generator(seed, "chain_recoveries", world, "split").permutation(len(rows))
     if len(rows) < 5 * episodes:
         return Split(rows, rows.take(order[np.arange(episodes) % len(rows)]))
     return Split(rows.take(np.sort(order[episodes:])), rows.take(order[:episodes]))
+
+
+def apart_of(task: Task, learner: Learner, parts: Split, episodes: int) -> Rows:
+    """Where evaluations during training start: failures set apart, or fresh start states for a whole task."""
+    if not learner.whole_task:
+        return parts.apart
+    return task.world.sample(generator(task.seed, "chain_recoveries", task.world.name, "apart"), episodes)
+
+
+def summary(progress: Progress) -> dict[str, Any]:
+    """A finished run in plain numbers; learning alone has the speed `control_steps_per_s`."""
+    last, spent = progress.rounds[-1], sum(row["evaluation_seconds"] for row in progress.evaluations)
+    steps = progress.control_steps
+    return {
+        "control_steps": steps,
+        "evaluation_steps": sum(row["evaluation_steps"] for row in progress.evaluations),
+        "seconds": progress.seconds,
+        "control_steps_per_s": steps / max(progress.seconds - spent, 1e-9),
+        "decisions": int(sum(value for row in progress.rounds for name, value in row.items() if "chosen:" in name)),
+        "timeouts": last["timeouts"],
+        "settled": sum(row["settled"] for row in progress.rounds),
+        "best_evaluation": progress.best,
+        "last_evaluation": progress.evaluations[-1]["success"],
+    }
 
 
 def card_of(task: Task, learner: Learner, name: str, config_hash: str) -> Card:
@@ -87,6 +119,8 @@ def card_of(task: Task, learner: Learner, name: str, config_hash: str) -> Card:
         actions=action_names(learner.primitives, task.nominal if learner.options else ()),
         limits=learner.limits,
         normalisation=Normalisation.of(state.values),
+        whole_task=learner.whole_task,
+        preconditions=learner.preconditions is not None,
     )
 
 
@@ -209,9 +243,9 @@ class _Watcher(BaseCallback):
             self._evaluate()
 
     def _evaluate(self) -> None:
-        progress = self._progress
+        progress, begun = self._progress, self._seconds()
         policy = exported(self.model, self._card)
-        found = recover(self._task.world, self._task.nominal, Agent(self._learner, policy.act), self._apart)
+        found = recover(self._task.world, self._task.nominal, agent_of(self._learner, policy.act), self._apart)
         success = float(found.success.mean())
         row: dict[str, float] = {
             "control_steps": self.model.num_timesteps,
@@ -219,11 +253,12 @@ class _Watcher(BaseCallback):
             "episodes": len(found.success),
         }
         row |= {"evaluation_steps": int(found.steps.sum()), "seconds": self._seconds()}
+        row |= {"evaluation_seconds": self._seconds() - begun}
         progress.evaluations.append(row)
         if success >= progress.best:  # of equals the later one has seen more
             progress.best = success
             told = {"control_steps": self.model.num_timesteps, "evaluation_success": success}
-            save_policy(self._folder, replace(policy, card=replace(self._card, told=told)))
+            save_agent(self._folder, replace(policy, card=replace(self._card, told=told)), self._learner)
         progress.tensors = tensors(self.model)
         progress.seconds = self._seconds()
         save_checkpoint(self._folder, progress, self._card)
