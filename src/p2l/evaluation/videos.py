@@ -1,7 +1,7 @@
 """Videos of executions: states drawn off screen by EGL, else OSMesa, and written as H.264.
 
 Without a GL nothing fails: `backend` says what to install, and who asked goes on without videos. Drawing in software
-takes 30 to 60 ms a frame of 400 × 300, so videos are small and show every few control steps, in real time.
+takes 30 to 60 ms a frame of 320 × 240, so videos are small and show every few control steps, in real time.
 
 Axis letters: T control steps, F frames, H and W pixels.
 """
@@ -52,8 +52,8 @@ class VideoOptions:
         hold_s: how long the last frame stays, framed in red where it is a failure.
     """
 
-    width: int = 400
-    height: int = 300
+    width: int = 320
+    height: int = 240
     max_frames: int = 30
     hold_s: float = 1.0
 

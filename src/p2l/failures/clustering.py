@@ -19,6 +19,7 @@ from typing import Literal
 
 import numpy as np
 from sklearn.mixture import GaussianMixture
+from threadpoolctl import threadpool_limits
 
 from p2l.errors import ArtifactError, ConfigError
 from p2l.failures.classifier import ModeClassifier, default_fields, features
@@ -138,7 +139,8 @@ def _fit(scaled: Array, number: int, options: ClusterOptions, seed: int) -> Gaus
         max_iter=500,
         random_state=seed,
     )
-    with warnings.catch_warnings():
+    # One thread: the matrices are small, and sums do not depend on the machine's number of cores.
+    with warnings.catch_warnings(), threadpool_limits(1):
         warnings.filterwarnings("ignore", "Number of distinct clusters")  # what they leave empty is no mode
         return mixture.fit(scaled if len(scaled) > 1 else np.repeat(scaled, 2, axis=0))
 
