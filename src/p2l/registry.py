@@ -16,10 +16,12 @@ from p2l.worlds.domain import Domain
 
 if TYPE_CHECKING:  # a stage of chapter 3 does not load the arms
     from p2l.skills.option import Option
+    from p2l.worlds.symbols import Symbols
     from p2l.worlds.world import World
 
 _FACTORIES: dict[str, str] = {}
 _WORLDS: dict[str, tuple[str, str]] = {}
+_SYMBOLS: dict[str, str] = {}
 
 
 def register(name: str, factory: str) -> None:
@@ -93,6 +95,23 @@ def get_options(name: str, world: World) -> tuple[Option, ...]:
     return make(world)
 
 
+def register_symbols(name: str, symbols: str) -> None:
+    """Describe a world to the skill graph: `symbols` (`package.module:class`) takes the world."""
+    _SYMBOLS[name] = symbols
+
+
+def get_symbols(name: str, world: World) -> Symbols:
+    """How a world is described to preconditions and recoveries (chapter 4).
+
+    Raises:
+        ConfigError: nobody described it.
+    """
+    if name not in _SYMBOLS:
+        raise ConfigError(f"world '{name}' has no symbols, so no skill graph; worlds that have: {', '.join(_SYMBOLS)}")
+    make: Callable[[World], Symbols] = _load(_SYMBOLS[name])
+    return make(world)
+
+
 def _known_world(name: str) -> tuple[str, str]:
     if name not in _WORLDS:
         raise ConfigError(f"unknown world '{name}'; known worlds: {', '.join(known_worlds()) or 'none'}")
@@ -121,3 +140,5 @@ register_world("door", world="p2l.worlds.door:Door", options="p2l.skills.nominal
 register_world("pick_place", world="p2l.worlds.pick_place:PickPlace", options="p2l.skills.nominal.pick_place:options")
 register_world("shelf", world="p2l.worlds.shelf:Shelf", options="p2l.skills.nominal.shelf:options")
 register_world("cluttered_shelf", world="p2l.worlds.shelf:ClutteredShelf", options="p2l.skills.nominal.shelf:options")
+
+register_symbols("door", "p2l.worlds.door_symbols:DoorSymbols")

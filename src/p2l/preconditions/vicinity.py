@@ -1,0 +1,117 @@
+"""States in the vicinity of a skill's good starts: full simulator states, all of them reached by moving there.
+
+The thesis samples τ in the vicinity of D_i⁺ and sets the state to it (Algorithm 2). A point of D_i⁺ in nine features
+is no simulator state: posture, fingers and contact forces are missing, and a hand put around a lever by inverse
+kinematics would not hold it as a hand does that closed there. So states are reached:
+
+1. *As reached*: where the skill before ended, its estimate of the object off by up to `noise` times the estimator's
+   error. For the first skill, a start state.
+2. *Moved*: any moment of such an execution, failed or not, from which the hand goes straight to a state drawn from
+   D_i⁺ plus a displacement, the fingers as there all the way, or opened first. This gives the negatives near the
+   boundary, and it is how a recovery arrives. The displacement is normal, of up to `spread` times what counts as far
+   for the world's columns (`Symbols.far`): good starts may hardly vary in a direction in which much is allowed.
+
+Axis letters: N rows, K skills.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from p2l.errors import ConfigError
+from p2l.preconditions.mixture import Mixture
+from p2l.records import BoolArray
+from p2l.skills import chain
+from p2l.skills.execute import execute, known_exactly
+from p2l.skills.option import Option
+from p2l.skills.relative import WAYPOINTS, Timing, straight
+from p2l.worlds.symbols import Symbols
+from p2l.worlds.world import Rows, World
+
+
+@dataclass(frozen=True)
+class Vicinity:
+    """How far around good starts samples reach.
+
+    Attributes:
+        noise: largest multiple of the estimator's error in the executions that samples come from.
+        spread: largest displacement of good starts, in multiples of `Symbols.far` (one standard deviation).
+        moved: share of samples that are moved, in [0, 1].
+    """
+
+    noise: float = 2.0
+    spread: float = 1.0
+    moved: float = 0.5
+
+    def __post_init__(self) -> None:
+        if not (0.0 < self.noise < np.inf and 0.0 < self.spread < np.inf and 0.0 <= self.moved <= 1.0):
+            raise ConfigError(
+                f"vicinity: noise {self.noise}, spread {self.spread}, moved {self.moved} given; "
+                "expected two positive numbers and a share in [0, 1]"
+            )
+
+
+@dataclass(frozen=True)
+class Pool:
+    """Moments of nominal executions under wrong estimates.
+
+    Attributes:
+        starts: K sets of rows, where each skill started.
+        moments: all starts and ends.
+    """
+
+    starts: tuple[Rows, ...]
+    moments: Rows
+
+
+def executed(world: World, options: Sequence[Option], starts: Rows, noise: float, rng: np.random.Generator) -> Pool:
+    """Run the chain open loop from `starts` [N], each with an error of up to `noise` times its own."""
+    factor = noise * rng.random((len(starts), 1, 1))
+    noisy = replace(starts, noise=starts.noise * factor)
+    run = chain.run(world, options, noisy, stop_on_failure=False)
+    ends = run.ends.take(~run.diverged[run.ends.episode])
+    sets = [noisy, *(ends.rows.take(ends.option == index) for index in range(len(options)))]
+    return Pool(tuple(known_exactly(rows) for rows in sets[:-1]), known_exactly(Rows.join(sets)))
+
+
+def sample(
+    world: World,
+    symbols: Symbols,
+    pool: Pool,
+    skill: int,
+    good: Mixture,
+    count: int,
+    vicinity: Vicinity,
+    timing: Timing,
+    rng: np.random.Generator,
+) -> tuple[Rows, BoolArray]:
+    """About `count` rows around the starts of `skill` (a diverged one is left out), and which of them were moved.
+
+    Args:
+        world: where.
+        symbols: describes it.
+        pool: where samples come from.
+        skill: index of the skill.
+        good: D⁺ of its starts.
+        count: samples.
+        vicinity: how far.
+        timing: of the motions.
+        rng: decides everything.
+    """
+    moved = round(vicinity.moved * count)
+    reached = pool.starts[skill].take(rng.integers(len(pool.starts[skill]), size=count - moved))
+    if not moved:
+        return reached, np.zeros(count, dtype=np.bool_)
+    before = pool.moments.take(rng.integers(len(pool.moments), size=moved))
+    wanted = good.sample(rng, moved)
+    width = vicinity.spread * rng.random((moved, 1)) * symbols.far
+    wanted = wanted + width * rng.standard_normal(wanted.shape)
+    seen, closed = world.observe(before), symbols.closed(wanted)
+    parameters = straight(seen, *symbols.hand(seen, wanted), closed).reshape(moved, WAYPOINTS, 7)
+    parameters[rng.random(moved) < 0.5, : WAYPOINTS - 1, 6] = -1.0
+    arrivals = execute(world, before, parameters.reshape(moved, -1), timing)
+    sound = arrivals.last.take(~arrivals.diverged)
+    return Rows.join([reached, sound]), np.repeat([False, True], [len(reached), len(sound)])

@@ -1,0 +1,127 @@
+"""Every query that was asked, solved or not, with what it found: the memory of recovery training.
+
+An entry is a function of the seed, the recovery and how often that was trained before, whoever asks. Training that was
+interrupted therefore goes on from its last entry, to the bit, and two choosers that train the same recovery as often
+find the same entries.
+
+Axis letters: T entries, U updates of a query, P parameters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from p2l.artifacts import AnyArray, load_arrays, save_arrays
+from p2l.errors import ArtifactError
+from p2l.records import Array, freeze
+from p2l.skills.relative import SIZE
+
+SCHEMA, VERSION = "recovery_ledger", 1
+Key = tuple[int, int, int]
+_NUMBERS = ("failure", "solved", "rollouts", "q", "trials", "seconds")
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One training of one recovery.
+
+    Attributes:
+        failure: index of the training failure that was queried.
+        solved: the query found a recovery from there.
+        parameters: [P] what it found; of an unsolved one its last guess, which no skill uses.
+        success: [U] share of rollouts that reached the target, by update.
+        rollouts: how many were run.
+        q: success rate of the recovery skill on held-out failures, with this entry.
+        trials: how many of them there are.
+        seconds: wall time, which is no part of the result.
+    """
+
+    failure: int
+    solved: bool
+    parameters: Array
+    success: Array
+    rollouts: int
+    q: float
+    trials: int
+    seconds: float
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "parameters", freeze("parameters", self.parameters, (SIZE,), {}))
+        object.__setattr__(self, "success", freeze("success", self.success, ("U",), {}, low=0.0, high=1.0))
+
+
+@dataclass
+class Ledger:
+    """Entries by (mode, target, how often that recovery was trained before).
+
+    Attributes:
+        identity: hash of everything that entries are a function of, besides their keys.
+        path: where they are kept after every entry; None keeps them in memory.
+        entries: all so far.
+    """
+
+    identity: str
+    path: Path | None = None
+    entries: dict[Key, Entry] = field(default_factory=dict)
+
+    @classmethod
+    def open(cls, path: Path, identity: str) -> Ledger:
+        """The ledger at `path`, empty where there is none or where it is of other data, settings or seed."""
+        if not path.is_file():
+            return cls(identity, path)
+        try:
+            arrays = load_arrays(path, schema=SCHEMA, version=VERSION)
+        except ArtifactError:
+            return cls(identity, path)
+        if str(arrays["identity"]) != identity:
+            return cls(identity, path)
+        return cls(identity, path, _entries(arrays))
+
+    def add(self, key: Key, entry: Entry) -> None:
+        """Keep an entry; on disk before this returns."""
+        self.entries[key] = entry
+        if self.path is not None:
+            save_arrays(self.path, self.arrays(), schema=SCHEMA, version=VERSION)
+
+    def of(self, mode: int, target: int, before: int) -> list[Entry]:
+        """The first `before` trainings of one recovery, in order."""
+        return [self.entries[mode, target, number] for number in range(before)]
+
+    def arrays(self) -> dict[str, AnyArray]:
+        """All entries, one row each."""
+        entries = list(self.entries.values())
+        width = max((len(entry.success) for entry in entries), default=0)
+        success = np.full((len(entries), width), np.nan)
+        for row, entry in zip(success, entries, strict=True):
+            row[: len(entry.success)] = entry.success
+        keys = np.array(list(self.entries), dtype=np.int64).reshape(len(entries), 3)
+        parameters = np.array([entry.parameters for entry in entries]).reshape(len(entries), SIZE)
+        numbers = {name: np.array([getattr(entry, name) for entry in entries]) for name in _NUMBERS}
+        return {
+            "identity": np.array(self.identity),
+            "keys": keys,
+            "parameters": parameters,
+            "success": success,
+            **numbers,
+        }
+
+
+def _entries(arrays: Mapping[str, AnyArray]) -> dict[Key, Entry]:
+    found: dict[Key, Entry] = {}
+    for row, (mode, target, number) in enumerate(arrays["keys"].tolist()):
+        success = arrays["success"][row]
+        found[mode, target, number] = Entry(
+            failure=int(arrays["failure"][row]),
+            solved=bool(arrays["solved"][row]),
+            parameters=arrays["parameters"][row],
+            success=success[np.isfinite(success)],
+            rollouts=int(arrays["rollouts"][row]),
+            q=float(arrays["q"][row]),
+            trials=int(arrays["trials"][row]),
+            seconds=float(arrays["seconds"][row]),
+        )
+    return found

@@ -1,0 +1,172 @@
+"""What the robot does when an option has ended: the high-level policy, and the heuristics that it is compared with.
+
+At every end the preconditions are evaluated on the most likely state, that is on what the robot sees. If one holds, the
+nominal skill of the most valuable one follows. If none does, the strategies differ (thesis, section 4.4.1, table 4.1):
+
+- `recoveries`: the failure classifier names the mode; the best learnt recovery of that mode by the graph's values.
+- `retry`: the skill that has just been executed, once more.
+- `to_previous`: straight to where the skill that has just been executed should have started.
+- `to_start`: straight to where the chain starts.
+- `no_recovery`: the episode ends.
+- `open_loop`: preconditions are not looked at; the chain is executed once.
+
+Where the thesis is silent:
+1. Every episode begins with the first skill. Success is perceived: an episode ends when the task is done.
+2. A straight motion leads to the mean of the target's D⁺ for the object as seen, the fingers as there; the motion and
+   its timing are those with which REPS begins. "The skill that has just been executed" is the last nominal one.
+3. A recovery that leads nowhere is tried again, up to the limit of skills.
+
+Axis letters: N rows, K nominal skills, I modes, M targets.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from p2l.errors import ConfigError
+from p2l.failures.classifier import ModeClassifier
+from p2l.records import IntArray
+from p2l.recoveries.metareskill.graph import SkillGraph
+from p2l.recoveries.metareskill.value_iteration import NONE, nominal_policy, recovery_policy
+from p2l.recoveries.regression import ParameterisedSkill
+from p2l.recoveries.target import Task
+from p2l.skills.chain import FINISH, Choose, Moments, in_order
+from p2l.skills.option import Option
+from p2l.skills.relative import Plan, Timing, relative
+from p2l.worlds.observation import Observation
+
+STRATEGIES = ("recoveries", "retry", "to_previous", "to_start", "no_recovery", "open_loop")
+Skills = Mapping[tuple[int, int], ParameterisedSkill]
+Otherwise = Callable[[IntArray, Observation], IntArray]
+
+
+@dataclass(frozen=True)
+class Playbook:
+    """Options, and what chooses among them.
+
+    Attributes:
+        options: nominal ones first, then recoveries.
+        choose: for `skills.chain.run`.
+    """
+
+    options: tuple[Option, ...]
+    choose: Choose
+
+
+@dataclass(frozen=True)
+class _Policy:
+    """The high-level policy, but for what to do where no precondition holds.
+
+    Attributes:
+        task: world and preconditions.
+        graph: values of preconditions.
+        max_options: an episode ends after as many.
+    """
+
+    task: Task
+    graph: SkillGraph
+    max_options: int
+
+    def choose(self, otherwise: Otherwise) -> Choose:
+        """`otherwise` maps what is seen, and the nominal skill that was executed last [N], to options [N]."""
+        count = len(self.task.preconditions.skills)
+        rng = np.random.default_rng(0)  # `nominal_policy` wants one; preconditions are no tie, each is a skill apart
+
+        def choose(ended: Moments) -> IntArray:
+            seen = self.task.world.observe(ended.rows)
+            done = self.task.world.goal(ended.rows)
+            holds = self.task.preconditions.holds(self.task.symbols.state(seen), done)
+            following = nominal_policy(self.graph, holds, rng)
+            over = done | (ended.rows.actions >= self.max_options)
+            lost = (following == NONE) & ~over
+            following[over] = FINISH
+            if lost.any():
+                last = np.where(ended.option < count, ended.option, ended.option - count)
+                following[lost] = otherwise(last[lost], seen.take(lost))
+            return following
+
+        return choose
+
+
+def playbook(
+    strategy: str,
+    task: Task,
+    nominal: Sequence[Option],
+    graph: SkillGraph,
+    timing: Timing,
+    rng: np.random.Generator,
+    *,
+    modes: ModeClassifier | None = None,
+    skills: Skills | None = None,
+    max_options: int = 10,
+) -> Playbook:
+    """The options and the policy of a strategy.
+
+    Args:
+        strategy: one of `STRATEGIES`.
+        task: world and preconditions.
+        nominal: K options.
+        graph: values of preconditions, and of the recoveries where there are some.
+        timing: of recoveries.
+        rng: breaks ties among equally valuable recoveries, once.
+        modes: the failure classifier, for `recoveries`.
+        skills: by (mode, target), for `recoveries`.
+        max_options: an episode ends after as many.
+
+    Raises:
+        ConfigError: an unknown strategy, or one without what it needs.
+    """
+    if strategy not in STRATEGIES:
+        raise ConfigError(f"unknown strategy '{strategy}'; known: {', '.join(STRATEGIES)}")
+    if strategy == "open_loop":
+        return Playbook(tuple(nominal), in_order(nominal))
+    policy = _Policy(task, graph, max_options)
+    if strategy == "recoveries":
+        if modes is None or skills is None:
+            raise ConfigError("strategy 'recoveries' needs failure modes and learnt skills")
+        return _recoveries(policy, nominal, timing, rng, modes, skills)
+    count = len(nominal)
+    moves = tuple(relative(f"to_{name}", _straight(task, k), timing) for k, name in enumerate(task.targets[:-1]))
+    otherwise: dict[str, Otherwise] = {
+        "retry": lambda last, _seen: last,
+        "to_previous": lambda last, _seen: count + last,
+        "to_start": lambda last, _seen: np.full_like(last, count),
+        "no_recovery": lambda last, _seen: np.full_like(last, FINISH),
+    }
+    return Playbook((*nominal, *moves), policy.choose(otherwise[strategy]))
+
+
+def _recoveries(
+    policy: _Policy,
+    nominal: Sequence[Option],
+    timing: Timing,
+    rng: np.random.Generator,
+    modes: ModeClassifier,
+    skills: Skills,
+) -> Playbook:
+    task, chosen = policy.task, recovery_policy(policy.graph, rng)
+    option = np.full(len(chosen), FINISH)
+    learnt: list[Option] = []
+    for mode, target in enumerate(chosen.tolist()):
+        if target != NONE:
+            option[mode] = len(nominal) + len(learnt)
+            plan = _learnt(task, skills[mode, target])
+            learnt.append(relative(f"recovery_{mode}_{task.targets[target]}", plan, timing))
+
+    def recover(_last: IntArray, seen: Observation) -> IntArray:
+        return option[modes.classify(seen)[0]]
+
+    return Playbook((*nominal, *learnt), policy.choose(recover))
+
+
+def _straight(task: Task, target: int) -> Plan:
+    mean = task.preconditions.density(target).means[0]
+    return lambda seen: task.towards(seen, seen, np.tile(mean, (len(seen), 1)))
+
+
+def _learnt(task: Task, skill: ParameterisedSkill) -> Plan:
+    context = list(task.symbols.context)
+    return lambda seen: skill.predict(task.symbols.state(seen)[:, context])
