@@ -5,7 +5,7 @@ Deviations from the thesis and its author's settings, each where they are silent
    that side.
 2. Only the handle's position is uncertain; its orientation, and with it the angles of latch and hinge, is seen without
    error.
-3. The arm starts in one posture, the hand 15 cm in front of the middle of all handles (plus `joint_noise_rad`).
+3. The arm starts in one posture, the hand 16 cm in front of the middle of all handles (plus `joint_noise_rad`).
 4. Failure detectors (the thesis has none in chapter 4, only states in which no skill applies): the handle is not
    between the pads 0.25 s after the fingers were told to close; it was and no longer is; the wrist force, averaged over
    a control step, is above `force_limit_n`. The first two speak once each time the fingers close.
@@ -125,10 +125,14 @@ class Door(RobotWorld):
         return self.rows(qpos, noise, model=model, furniture={FURNITURE: pose})
 
     def _truth(self, rows: Rows) -> Fields:
+        handle = self._handle(rows, np.zeros((len(rows), 3)))
+        length, _, thickness = self._size[rows.model].T
         return {
             **self._body(rows),
-            **self._handle(rows, np.zeros((len(rows), 3))),
+            **handle,
             "held": self.held(rows),
+            "to_tip_m": length - handle["grip_in_handle_m"][:, 0],
+            "slack_m": self.gap_m(rows) - thickness,
             "force_n": np.linalg.norm(self.read(rows, WRIST_FORCE), axis=1),
         }
 

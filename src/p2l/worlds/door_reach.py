@@ -13,14 +13,14 @@ from p2l.sim.posture import reach
 from p2l.sim.scene import Scene
 from p2l.worlds.handles import axis_of, grasp_pose, hinge_of
 
-START_AWAY_M = 0.15
+START_AWAY_M = 0.2  # from the grasp, which is 4 cm beyond the lever
 BRANCH_RAD = 2.0  # a joint that turns farther between two poses of a motion has left its branch
 
 
 def start_posture(scene: Scene, pos: Array, quat: Array, open_rad: float) -> tuple[float, Array] | list[int]:
     """Which way round the fingers grasp (1 or −1) and the start posture [J], rad; else the places out of reach.
 
-    The hand starts 15 cm in front of the first handle. From there the arm must reach every handle, turn it by a right
+    The hand starts in front of the first handle. From there the arm must reach every handle, turn it by a right
     angle and open the door, without leaving its branch of postures.
 
     Args:

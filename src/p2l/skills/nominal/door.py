@@ -19,6 +19,8 @@ from p2l.worlds.handles import axis_of, grasp_pose, hinge_of
 from p2l.worlds.observation import Observation, Privileged
 
 UP = (0.0, 0.0, 1.0)
+FACING = np.cos(0.5)  # the hand may be turned by up to 0.5 rad
+AXIS_TO_GRASP_M = 0.08
 
 
 @dataclass(frozen=True)
@@ -76,17 +78,35 @@ def _arc(seen: Observation, centre: Array, axis: Array, angle: Array, legs: int)
 
 
 def can_reach(truth: Privileged) -> BoolArray:
-    """The door is shut, the handle at rest, the fingers open and in front of the handle."""
-    shut = (truth["hinge_rad"][:, 0] < 0.05) & (np.abs(truth["latch_rad"][:, 0]) < 0.1)
-    clear = (truth["grip_in_handle_m"][:, 1] < -0.05) & (truth["gap_m"][:, 0] > 0.06)
-    return np.asarray(shut & clear)
+    """Door shut, handle at rest, fingers open; the hand is in front of the handle and about faces the door."""
+    along, depth, across = truth["grip_in_handle_m"].T
+    lever, hand = poses.rotation(truth["handle_quat"]).inv(), poses.rotation(truth["grip_quat"])
+    faces = (lever * hand).apply([0.0, 0.0, 1.0])[:, 1] > FACING
+    upright = np.abs((lever * hand).apply([1.0, 0.0, 0.0])[:, 2]) > FACING
+    beside = np.hypot(along - AXIS_TO_GRASP_M, across)
+    rest = (truth["hinge_rad"][:, 0] < 0.02) & (np.abs(truth["latch_rad"][:, 0]) < 0.1)
+    return np.asarray(
+        rest & faces & upright & (truth["gap_m"][:, 0] > 0.07) & (depth < -0.06) & (depth > -0.3) & (beside < 0.15)
+    )
 
 
 def can_rotate(truth: Privileged) -> BoolArray:
-    """The handle is held and the door shut."""
-    return np.asarray((truth["held"][:, 0] > 0) & (truth["hinge_rad"][:, 0] < 0.05))
+    """The handle is held firmly."""
+    return _firm(truth)
 
 
 def can_pull(truth: Privileged) -> BoolArray:
-    """The handle is held and turned."""
-    return np.asarray((truth["held"][:, 0] > 0) & (truth["latch_rad"][:, 0] > 1.0))
+    """The handle is held firmly, and the latch is out of the frame: nearly turned, or the door is ajar."""
+    return np.asarray(_firm(truth) & ((truth["latch_rad"][:, 0] > 1.0) | (truth["hinge_rad"][:, 0] > 0.03)))
+
+
+def _firm(truth: Privileged) -> BoolArray:
+    """The lever lies deep between the fingers, not at its tip, and they close on its faces, not on its edges."""
+    slack = truth["slack_m"][:, 0]
+    return np.asarray(
+        (truth["held"][:, 0] > 0)
+        & (truth["grip_in_handle_m"][:, 1] > -0.005)
+        & (truth["to_tip_m"][:, 0] > 0.045)
+        & (slack > -0.003)
+        & (slack < 0.018)
+    )
