@@ -50,12 +50,14 @@ class VideoOptions:
         width, height: pixels.
         max_frames: of the motion, which runs in real time; long executions skip control steps.
         hold_s: how long the last frame stays, framed in red where it is a failure.
+        samples: of a pixel, against ragged edges; 0 draws twice as fast as 4.
     """
 
     width: int = 320
     height: int = 240
     max_frames: int = 30
     hold_s: float = 1.0
+    samples: int = 4
 
 
 @functools.cache
@@ -141,7 +143,7 @@ class Camera:
 
     def _draw(self, state: Array, model: int, lookat: Array) -> Frames:
         if model not in self._drawers:
-            self._drawers[model] = _Drawer(self.world, model)
+            self._drawers[model] = _Drawer(self.world, model, self.options.samples)
         drawer = self._drawers[model]
         drawer.pose(state)
         camera = mujoco.MjvCamera()
@@ -159,10 +161,11 @@ class Camera:
 class _Drawer:
     """One model of a world with what the GL needs of it."""
 
-    def __init__(self, world: World, model: int) -> None:
+    def __init__(self, world: World, model: int, samples: int) -> None:
         self._engine = world.engine
         self.model = copy.copy(world.drawn(model))
         self.model.vis.quality.shadowsize = 1024
+        self.model.vis.quality.offsamples = samples
         self.data = mujoco.MjData(self.model)
         self.shown = mujoco.MjvOption()
         self.shown.geomgroup[:] = 0

@@ -79,6 +79,7 @@ class VideoConfig(Section):
     height: Even
     max_frames: Count
     hold_s: NotNegative
+    samples: Annotated[int, Field(ge=0, le=16)]
 
 
 class ClusterConfig(WorldStageConfig):
