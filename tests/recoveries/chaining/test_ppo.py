@@ -13,7 +13,8 @@ from p2l.recoveries.chaining.learners import make_learner
 from p2l.recoveries.chaining.mdp import Limits
 from p2l.recoveries.chaining.policy import check_policy, load_policy
 from p2l.recoveries.chaining.ppo import PoolPPO, PPOSettings
-from p2l.recoveries.chaining.train import TrainSettings, card_of, exported, split, train
+from p2l.recoveries.chaining.train import TrainSettings, card_of, split, train
+from p2l.recoveries.chaining.weights import exported
 
 SMALL = PPOSettings(n_steps=24, batch_size=12, n_epochs=2, hidden=(8, 8))
 

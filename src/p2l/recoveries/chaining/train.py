@@ -22,9 +22,10 @@ from p2l.recoveries.chaining.agent import agent_of, save_agent
 from p2l.recoveries.chaining.checkpoint import Progress, load_checkpoint, save_checkpoint
 from p2l.recoveries.chaining.execute import recover
 from p2l.recoveries.chaining.learner import Learner, Task, no_failures
-from p2l.recoveries.chaining.policy import Card, Normalisation, Policy
+from p2l.recoveries.chaining.policy import Card, Normalisation
 from p2l.recoveries.chaining.pool import action_names, first_state
 from p2l.recoveries.chaining.ppo import PoolPPO, PPOSettings
+from p2l.recoveries.chaining.weights import exported, restore, tensors
 from p2l.seeding import entropy, generator
 from p2l.skills.primitives import STEPS
 from p2l.worlds.world import Rows
@@ -151,44 +152,6 @@ def train(
     model.learn(settings.budget - model.num_timesteps, callback=watcher, log_interval=10**9, reset_num_timesteps=False)
     watcher.finish()
     return progress
-
-
-def restore(model: PoolPPO, progress: Progress) -> None:
-    """Weights, optimiser and time of a checkpoint."""
-    named = progress.tensors
-    model.policy.load_state_dict({k.removeprefix("policy."): v for k, v in named.items() if k.startswith("policy.")})
-    state = model.policy.optimizer.state_dict()
-    state["state"] = {}
-    for key, value in named.items():
-        if key.startswith("adam."):
-            _, index, name = key.split(".")
-            state["state"].setdefault(int(index), {})[name] = value
-    model.policy.optimizer.load_state_dict(state)
-    model.steps_before = model.num_timesteps = progress.control_steps
-    if model.shortcut is not None:
-        kept = {key: value.numpy() for key, value in named.items() if key.startswith("shortcut.")}
-        model.shortcut.restore({key.removeprefix("shortcut."): value for key, value in kept.items()})
-
-
-def tensors(model: PoolPPO) -> dict[str, torch.Tensor]:
-    """What `restore` needs."""
-    named = {f"policy.{name}": value.clone() for name, value in model.policy.state_dict().items()}
-    for index, state in model.policy.optimizer.state_dict()["state"].items():
-        named |= {f"adam.{index}.{name}": torch.as_tensor(value).clone() for name, value in state.items()}
-    if model.shortcut is not None:
-        named |= {f"shortcut.{name}": torch.tensor(value) for name, value in model.shortcut.state().items()}
-    return named
-
-
-def exported(model: PoolPPO, card: Card) -> Policy:
-    """The actor alone."""
-    named = dict(model.policy.named_modules())
-    layers = [part for name, part in named.items() if name.startswith("mlp_extractor.policy_net.")]
-    layers = [part for part in (*layers, named["action_net"]) if isinstance(part, torch.nn.Linear)]
-    weights: dict[str, torch.Tensor] = {}
-    for index, layer in enumerate(layers):
-        weights |= {f"w{index}": layer.weight.detach().clone(), f"b{index}": layer.bias.detach().clone()}
-    return Policy(card, weights)
 
 
 class _Watcher(BaseCallback):

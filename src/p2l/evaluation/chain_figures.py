@@ -1,0 +1,82 @@
+"""Figures of chapter 5, drawn from the tables of `chain_tables`."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from p2l.evaluation.style import MethodStyle, label_ends, plain
+
+LEARNERS: dict[str, MethodStyle] = {
+    "rc": MethodStyle("RC", "#0072B2", "o", 2.6),
+    "lazy_rc": MethodStyle("Lazy RC", "#56B4E9", "P"),
+    "pp": MethodStyle("PP", "#D55E00", "^"),
+    "rl": MethodStyle("RL", "#555555", "X"),
+}
+OPTION_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00")
+
+
+def learning_curves(table: pd.DataFrame) -> Figure:
+    """Success of evaluations against control steps, one panel per world, bands where there are several seeds.
+
+    Args:
+        table: of `chain_tables.figure_5_5`.
+    """
+    rows = _with_numbers(table, "control_steps")
+    worlds = list(dict.fromkeys(rows["world"]))
+    figure = Figure(figsize=(4.6 * len(worlds), 3.4), layout="constrained")
+    for axes, world in zip(np.ravel(figure.subplots(1, len(worlds), sharey=True)), worlds, strict=True):
+        ends = []
+        for learner, part in rows[rows["world"] == world].groupby("method", sort=False):
+            style = LEARNERS[str(learner)]
+            x, mean = part["control_steps"].to_numpy() / 1000.0, part["mean"].to_numpy()
+            axes.plot(x, mean, color=style.colour, lw=style.width)
+            _band(axes, x, part, style.colour)
+            ends.append((float(x[-1]), float(mean[-1]), style.label, style.colour))
+        axes.set(ylim=(-0.02, 1.02), xlim=(0, None), xlabel="simulated control steps, thousands")
+        axes.set_title(world.replace("_", " "))
+        plain(axes)
+        label_ends(axes, ends)
+    figure.axes[0].set_ylabel("success of evaluations")
+    return figure
+
+
+def options_tried(table: pd.DataFrame, world: str, learner: str = "rc") -> Figure:
+    """How often each nominal option is tried per round, as in figure 5.8.
+
+    Args:
+        table: of `chain_tables.figure_5_8`.
+        world: whose options.
+        learner: which learner's.
+    """
+    rows = _with_numbers(table[table["method"] == learner], "round")
+    rows = rows[rows["world"] == world]
+    figure = Figure(figsize=(5.6, 3.4), layout="constrained")
+    axes = figure.subplots()
+    ends = []
+    for number, (option, part) in enumerate(rows.groupby("metric", sort=False)):
+        colour = OPTION_COLOURS[number % len(OPTION_COLOURS)]
+        x, mean = part["round"].to_numpy(), part["mean"].to_numpy()
+        axes.plot(x, mean, color=colour, lw=1.5)
+        _band(axes, x, part, colour)
+        ends.append((float(x[-1]), float(mean[-1]), str(option).replace("_", " "), colour))
+    axes.set(xlabel="round of 120 decisions", ylabel="times tried", ylim=(0, None), xlim=(0, None))
+    axes.set_title(f"{world.replace('_', ' ')}: nominal options tried by {LEARNERS[learner].label}")
+    plain(axes)
+    label_ends(axes, ends)
+    return figure
+
+
+def _band(axes: Axes, x: np.typing.NDArray[np.float64], part: pd.DataFrame, colour: str) -> None:
+    if part["low"].notna().all():
+        axes.fill_between(x, part["low"].to_numpy(), part["high"].to_numpy(), color=colour, alpha=0.15, lw=0)
+
+
+def _with_numbers(table: pd.DataFrame, number: str) -> pd.DataFrame:
+    """The table with its settings as columns."""
+    parts = table["setting"].str.extract(rf"world=(?P<world>[^;]+);{number}=(?P<number>\d+)")
+    return table.assign(world=parts["world"], **{number: parts["number"].astype(float)}).sort_values(
+        number, kind="stable"
+    )
