@@ -35,9 +35,9 @@ class Motion:
         hinge_rad: pull-handle opens the door to there.
     """
 
-    before_m: float = 0.06
-    above_m: float = 0.004
-    latch_rad: float = 1.46
+    before_m: float = 0.08
+    above_m: float = 0.007
+    latch_rad: float = 1.52
     hinge_rad: float = 0.5
 
 
