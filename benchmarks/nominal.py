@@ -19,7 +19,7 @@ import numpy as np
 from benchmarks import report
 from p2l import registry
 from p2l.evaluation.statistics import wilson_interval
-from p2l.records import BoolArray
+from p2l.records import BoolArray, IntArray
 from p2l.skills import chain
 from p2l.worlds.world import NO_FAILURE
 
@@ -36,12 +36,9 @@ def run(name: str, params: dict[str, Any], episodes: int, seed: int, *, stop: bo
     seconds = time.perf_counter() - began
     valid = ~done.diverged
     low, high = wilson_interval(done.success[valid].sum(), valid.sum())
-    kinds = [
-        f"{kind} {100 * (done.last.kind[~done.success] == index).mean():.0f} %"
-        for index, kind in enumerate(world.failure_kinds)
-        if (done.last.kind[~done.success] == index).any()
-    ]
-    unflagged = (done.last.kind[~done.success] == NO_FAILURE).mean() if (~done.success).any() else 0.0
+    failed = first_flags(done)[valid & ~done.success]
+    names = dict(enumerate(world.failure_kinds)) | {NO_FAILURE: "no flag"}
+    shares = {name: (failed == index).mean() for index, name in names.items() if (failed == index).any()}
     return {
         "world": name,
         "estimator": world.estimator.mode,
@@ -54,8 +51,16 @@ def run(name: str, params: dict[str, Any], episodes: int, seed: int, *, stop: bo
         "control_steps": round(float(done.last.step.mean()), 1),
         "path_m": round(float(done.last.path_m.mean()), 2),
         "episodes_per_s": round(len(rows) / seconds, 1),
-        "of_failures": ", ".join([*kinds, *([f"no flag {100 * unflagged:.0f} %"] if unflagged else [])]),
+        "of_failures": ", ".join(f"{name} {100.0 * share:.0f} %" for name, share in shares.items()),
     }, done.success
+
+
+def first_flags(done: chain.Execution) -> IntArray:
+    """[N] kind of the first flag of each episode, whichever option it was raised in."""
+    kinds = np.full(len(done), NO_FAILURE, dtype=np.int64)
+    flagged = done.ends.take(done.ends.kind != NO_FAILURE)
+    kinds[flagged.episode[::-1]] = flagged.kind[::-1]
+    return kinds
 
 
 def main(arguments: list[str] | None = None) -> None:
