@@ -1,8 +1,10 @@
 """The contract of a nominal skill: an option with a precondition, a policy and a termination.
 
 An option is asked at every control step, for all rows that run it at once; what it must remember of a row lives in
-that row's memory, so rows come and go in any order. It acts on observations only; its hand-written precondition is
-judged on the truth (thesis, section 4.3.1: "not able to recover from it even if it could observe the true state").
+that row's memory, so rows come and go in any order. Options that differ only in what they put there may say so by
+equal attributes `decides_as`, and are then asked together. An option acts on observations only; its hand-written
+precondition is judged on the truth (thesis, section 4.3.1: "not able to recover from it even if it could observe the
+true state").
 
 Axis letters: N rows, m columns of an option's memory.
 """

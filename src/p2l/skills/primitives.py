@@ -42,6 +42,7 @@ class Primitive:
 
     memory_size = 15
     max_steps = STEPS
+    decides_as = "primitive"  # what differs is in the memory
 
     def precondition(self, truth: Privileged) -> BoolArray:
         """Applicable everywhere."""

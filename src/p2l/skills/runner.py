@@ -69,6 +69,8 @@ class Runner:
         self.kind_step = np.zeros(slots, dtype=np.int64)
         self.muted = np.zeros(slots, dtype=np.bool_)
         self._memory = np.zeros((slots, max(option.memory_size for option in self.options)))
+        alike = [getattr(option, "decides_as", index) for index, option in enumerate(self.options)]
+        self._group = np.array([alike.index(name) for name in alike])  # options whose decisions are taken together
         self._rows: Rows | None = None
         self._grip = world.engine.sensor_columns["grip_pos"]
 
@@ -103,10 +105,11 @@ class Runner:
         self.option[slots] = option
         self.step[slots] = 0
         self.kind[slots] = NO_FAILURE
+        seen = self.world.observe(self.rows.take(slots))
         for index in np.unique(option):
-            chosen = slots[option == index]
-            memory = self.options[index].begin(self.world.observe(self.rows.take(chosen)))
-            self._memory[chosen, : memory.shape[1]] = memory
+            where = np.flatnonzero(option == index)
+            memory = self.options[index].begin(seen.take(where))
+            self._memory[slots[where], : memory.shape[1]] = memory
 
     def stop(self, slots: IntArray) -> None:
         """Free `slots` [K]."""
@@ -133,9 +136,10 @@ class Runner:
         seen = self.world.observe(self.rows.take(live))
         pos, quat, grip = np.empty((len(live), 3)), np.empty((len(live), 4)), np.empty(len(live))
         done = np.zeros(len(live), dtype=np.bool_)
-        for index in np.unique(self.option[live]):
+        group = self._group[self.option[live]]
+        for index in np.unique(group):
             option = self.options[index]
-            where = np.flatnonzero(self.option[live] == index)
+            where = np.flatnonzero(group == index)
             slots, size = live[where], option.memory_size
             decision = option.decide(seen.take(where), self._memory[slots, :size], self.step[slots])
             self._memory[slots, :size] = decision.memory
