@@ -56,11 +56,11 @@ class Handle:
 
 HANDLES: Mapping[str, Handle] = {
     "1": Handle(0.150, 0.040, 0.030),
-    "2": Handle(0.105, 0.030, 0.020),
-    "3": Handle(0.160, 0.034, 0.030),
-    "4": Handle(0.150, 0.028, 0.024),
-    "5": Handle(0.130, 0.014, 0.014),
-    "full_size": Handle(0.130, 0.030, 0.030, True, friction=0.4, weight=8.0, hinge_friction_nm=1.0),
+    "2": Handle(0.090, 0.030, 0.020),
+    "3": Handle(0.150, 0.030, 0.030),
+    "4": Handle(0.140, 0.026, 0.024),
+    "5": Handle(0.095, 0.012, 0.012),
+    "full_size": Handle(0.130, 0.030, 0.030, True, friction=0.3, weight=8.0, hinge_friction_nm=1.0),
 }
 NOMINAL = HANDLES["1"]
 
