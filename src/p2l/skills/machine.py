@@ -38,7 +38,8 @@ class Phase:
         grip: command for the fingers, 0 = open, 1 = closed.
         limit: control steps after which the next phase begins whatever has been reached.
         pace_m: the target moves at most so far in a control step, m.
-        reached_m: the phase is over once the grip site is this close to its goal, m; infinite: position is no matter.
+        reached_m: the phase is over once the grip site is this close to its goal, m,
+        reached_rad: and to the orientation to hold; infinite: no matter.
         still_m: the phase is over only when the opening between the fingers changes by less than this in a control
             step, m; infinite: the fingers are no matter.
         at_least: control steps that the phase lasts whatever is observed.
@@ -49,6 +50,7 @@ class Phase:
     limit: int = 15
     pace_m: float = 0.05
     reached_m: float = 0.01
+    reached_rad: float = 0.2
     still_m: float = np.inf
     at_least: int = 0
 
@@ -118,7 +120,9 @@ class Machine:
         steps = memory[:, _STEPS]
         goal = goals[index, np.arange(len(seen))]
         away = np.linalg.norm(seen["grip_pos_m"] - goal, axis=1)
-        met = (away < self._of("reached_m")[index]) & (change_m < self._of("still_m")[index])
+        turn = _angle(seen["grip_quat"], memory[:, _QUAT])
+        there = (away < self._of("reached_m")[index]) & (turn < self._of("reached_rad")[index])
+        met = there & (change_m < self._of("still_m")[index])
         late = steps >= self._of("limit")[index]
         return np.asarray((met & (steps >= self._of("at_least")[index])) | late)
 
@@ -135,5 +139,10 @@ def _towards(start: Array, goal: Array, pace: Array) -> Array:
 
 def _turn(start: Array, goal: Array, pace_rad: float) -> Array:
     """[N, 4] on the shorter way from `start` to `goal`, at most `pace_rad` along it."""
-    angle = (poses.rotation(start).inv() * poses.rotation(goal)).magnitude()
+    angle = _angle(start, goal)
     return poses.between(start, goal, np.minimum(1.0, pace_rad / np.maximum(angle, 1e-12)))
+
+
+def _angle(first: Array, second: Array) -> Array:
+    """[N] between two orientations [N, 4], rad."""
+    return np.asarray((poses.rotation(first).inv() * poses.rotation(second)).magnitude())

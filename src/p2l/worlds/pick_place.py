@@ -42,6 +42,7 @@ LIFT_M = BIN1_POS_M[2] + 0.2  # where Pick lifts to
 FLOOR_M = 0.82  # height of a bin's floor; its walls end at 0.9
 REST_M = 0.8433  # height of the bread's centre when it lies there
 BREAD_RADIUS_M = 0.0313  # half of its diagonal, seen from above
+HAND_HALF_M = 0.102  # of the hand's long side
 GRIP_START_M = 0.020833  # robosuite's start position of each finger
 RELEASED_M = float(np.arctanh(0.4) / 10.0)  # robosuite: 1 − tanh(10 · distance) < 0.6 between grip site and object
 EMPTY_GAP_M = 0.01  # closed fingers that hold nothing
@@ -221,7 +222,7 @@ def hand_room(object_pos: Array, grip_quat: Array) -> Array:
     """
     along = np.abs(poses.rotation(grip_quat).apply([1.0, 0.0, 0.0])[:, :2])
     free = BIN_INNER_HALF_M - np.abs(object_pos[:, :2] - BIN1_POS_M[:2])
-    return np.asarray(np.where(along[:, 0] > along[:, 1], free[:, 0], free[:, 1]) - 0.102)
+    return np.asarray(np.where(along[:, 0] > along[:, 1], free[:, 0], free[:, 1]) - HAND_HALF_M)
 
 
 def _ranges(clearance_m: float, **given: Sequence[float]) -> tuple[Array, Array]:

@@ -1,7 +1,7 @@
 """GoToGrasp, Pick, GoToGoal and Place: closed-loop state machines that know nothing of walls (thesis, section 5.4.1).
 
-The hand always faces down. It keeps the quarter turn about the vertical that it is closest to when an option starts,
-so an option that is used after the hand has been turned does not turn it back.
+The hand always faces down. It keeps the quarter turn about the vertical that its target is closest to when an option
+starts, so an option that is used after the hand has been turned (or told to turn) does not turn it back.
 
 Axis letters: N rows.
 """
@@ -14,13 +14,13 @@ from p2l import poses
 from p2l.records import Array, BoolArray, IntArray
 from p2l.skills.machine import Machine, Phase
 from p2l.worlds.observation import Observation, Privileged
-from p2l.worlds.pick_place import BIN1_POS_M, BIN_INNER_HALF_M, DOWN, FLOOR_M, LIFT_M, QUARTER_M, PickPlace
+from p2l.worlds.pick_place import BIN1_POS_M, BIN_INNER_HALF_M, DOWN, FLOOR_M, HAND_HALF_M, LIFT_M, QUARTER_M, PickPlace
 
 TOP_M = 0.03  # robosuite's height of the bread's top above its centre
 HOVER_M = 0.05
 OVER_GOAL_M = QUARTER_M + np.array([0.0, 0.0, 0.2])
 AT_GOAL_M = QUARTER_M + np.array([0.0, 0.0, 0.1])
-ALIGNED_M = 0.01  # the hand goes down only where it is this close to straight above the bread
+ALIGNED_M, ALIGNED_RAD = 0.01, 0.15  # the hand goes down only where it is this close to straight above the bread
 HELD_GAP_M = (0.02, 0.065)  # opening of fingers that are closed on the bread, along whichever side
 
 
@@ -33,7 +33,7 @@ def options(world: PickPlace) -> tuple[Machine, ...]:
             "pick",
             (
                 Phase(_down, grip=0.0, pace_m=0.025),
-                Phase(_stay, grip=1.0, still_m=5e-4, reached_m=np.inf, at_least=4),
+                Phase(_stay, grip=1.0, still_m=5e-4, reached_m=np.inf, reached_rad=np.inf, at_least=4),
                 Phase(_lift, grip=1.0, pace_m=0.025),
             ),
             quarter_turn,
@@ -45,7 +45,7 @@ def options(world: PickPlace) -> tuple[Machine, ...]:
             "place",
             (
                 Phase(_at_goal, grip=1.0, pace_m=0.025),
-                Phase(_stay, grip=0.0, still_m=5e-4, reached_m=np.inf, at_least=6),
+                Phase(_stay, grip=0.0, still_m=5e-4, reached_m=np.inf, reached_rad=np.inf, at_least=6),
             ),
             quarter_turn,
             can_place,
@@ -54,8 +54,8 @@ def options(world: PickPlace) -> tuple[Machine, ...]:
 
 
 def quarter_turn(seen: Observation) -> Array:
-    """[N, 4] the orientation facing down with the quarter turn that the hand is closest to."""
-    hand = poses.rotation(seen["grip_quat"])
+    """[N, 4] the orientation facing down with the quarter turn that the hand's target is closest to."""
+    hand = poses.rotation(seen["target_quat"])
     down = np.tile(DOWN, (len(seen), 1))
     x_axis, y_axis = hand.apply([1.0, 0.0, 0.0]), hand.apply([0.0, 1.0, 0.0])
     steep = np.linalg.norm(x_axis[:, :2], axis=1) < 0.5  # the hand lies on its side: the other axis tells the turn
@@ -70,9 +70,10 @@ def _hover(seen: Observation) -> Array:
 
 def _down(seen: Observation) -> Array:
     bread = seen["object_pos_m"]
+    turn = (poses.rotation(seen["grip_quat"]).inv() * poses.rotation(seen["target_quat"])).magnitude()
     aside = np.linalg.norm(seen["grip_pos_m"][:, :2] - bread[:, :2], axis=1)
-    height = np.maximum(bread[:, 2], FLOOR_M + 0.02)
-    height += np.minimum(2.0 * np.maximum(aside - ALIGNED_M, 0.0), TOP_M + HOVER_M)
+    astray = np.maximum(aside - ALIGNED_M, 0.0) + HAND_HALF_M * np.maximum(turn - ALIGNED_RAD, 0.0)
+    height = np.maximum(bread[:, 2], FLOOR_M + 0.02) + np.minimum(2.0 * astray, TOP_M + HOVER_M)
     return np.column_stack([bread[:, :2], height])
 
 
