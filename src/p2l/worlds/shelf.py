@@ -83,6 +83,7 @@ class Shelf(RobotWorld):
 
     memory_size = 12
     view = View(azimuth_deg=150.0, elevation_deg=-20.0, distance_m=1.2, lookat_m=(0.0, 0.12, 0.95))
+    mode_fields = ("object_pos_m - shelf_pos_m", "object_in_hand_m", "slip_rad", "gap_m")
 
     def __init__(
         self,
@@ -98,7 +99,7 @@ class Shelf(RobotWorld):
         shelf_y_m: Sequence[float] = (0.30, 0.35),
         shelf_lift_m: Sequence[float] = (0.05, 0.10),
         shelf_height_m: Sequence[float] = (0.21, 0.30),
-        clutter_x_m: Sequence[float] = (0.08, 0.10),
+        clutter_x_m: Sequence[float] = (0.07, 0.10),
         clutter_y_m: Sequence[float] = (0.30, 0.35),
         density_kg_m3: Sequence[float] = (200.0, 300.0),
         clutter_half_y_m: Sequence[float] = (0.05, 0.06),
@@ -226,9 +227,7 @@ class Shelf(RobotWorld):
         """The detectors; see `KINDS` and the module's notes 1 and 2."""
         was = before.memory
         force = np.linalg.norm(self.engine.sensor(chunk, WRIST_FORCE).mean(axis=1), axis=1)
-        high = (force > self.force_limit_n) & (
-            force >= np.where(was[:, _FORCE] > self.force_limit_n, was[:, _FORCE], 0.0)
-        )
+        high = force > self.force_limit_n
         closed = command.grip > 0.5
         memory = self._hold(before, after, np.where(closed, was[:, _CLOSED] + 1.0, 0.0))
         turned, shifted = _slip(*self._in_hand(after), memory)

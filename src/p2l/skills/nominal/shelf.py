@@ -18,14 +18,14 @@ from p2l.worlds.shelf import UPRIGHT, Shelf, upright_distance
 from p2l.worlds.shelf_scene import DEPTH_M, TABLE_M
 from p2l.worlds.shelf_starts import APPROACH_M, AWAY_M, CARRY_M
 
-CLEARANCE_M = 0.004  # between what is carried and the shelf's floor
+CLEARANCE_M = 0.003  # between what is carried and the shelf's floor
 BEFORE_M = 0.06  # from the thing's near side back to the pose before the grasp
 NEAR_M = 0.01
 ASIDE_M = 0.05
 SAG_M = 0.002  # what is carried sinks by so much on its way in
 BEYOND_M = 0.05  # how far Place goes past the middle of the shelf, if it starts too deep inside
-STEPS = {"pick": (8, 10, 8, 10), "move": (16,), "place": (14, 5, 6, 14)}  # control steps of each leg
-SETTLE = {"pick": (0, 2, 8, 2), "move": (4,), "place": (2, 1, 6, 2)}  # of these, standing still at the end
+STEPS = {"pick": (8, 10, 8, 10), "move": (18,), "place": (14, 5, 6, 14)}  # control steps of each leg
+SETTLE = {"pick": (0, 2, 8, 2), "move": (6,), "place": (2, 1, 6, 2)}  # of these, standing still at the end
 
 
 def options(world: Shelf) -> tuple[Follow, ...]:
