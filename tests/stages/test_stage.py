@@ -179,6 +179,7 @@ HEAVY = {
     "numba",
 }
 NEEDS = {
+    "chain_recoveries": {"mujoco", "torch", "stable_baselines3"},
     "cluster": {"mujoco", "matplotlib", "sklearn"},
     "collect": {"mujoco", "matplotlib"},
     "discover": {"mujoco"},
@@ -186,6 +187,7 @@ NEEDS = {
     "config": set(),
     "fit_transfer": {"torch", "matplotlib"},
     "plan": set(),
+    "evaluate_chains": {"mujoco", "torch", "matplotlib"},
     "evaluate_team": {"mujoco"},
     "report": {"matplotlib", "mujoco"},  # the environments are drawn from the worlds themselves
 }
