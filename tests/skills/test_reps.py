@@ -29,10 +29,12 @@ def test_the_weights_meet_the_bound_on_relative_entropy(returns, epsilon):
 @settings(max_examples=100, deadline=None)
 def test_the_bound_is_active_unless_the_best_samples_already_meet_it(returns):
     epsilon = 0.3
-    weights = sample_weights(returns, solve_temperature(returns, epsilon))
+    temperature = solve_temperature(returns, epsilon)
+    weights = sample_weights(returns, temperature)
     best_only = np.isclose(returns, returns.max(), atol=0.0, rtol=0.0)
     greedy_entropy = np.log(len(returns) / best_only.sum())
-    if np.ptp(returns) > 1e-6 and greedy_entropy > epsilon + 0.05:
+    free = temperature > 1.01e-5  # the least temperature keeps near-ties from being told apart
+    if free and np.ptp(returns) > 1e-6 and greedy_entropy > epsilon + 0.05:
         assert relative_entropy(weights) == pytest.approx(epsilon, abs=5e-3)
 
 
