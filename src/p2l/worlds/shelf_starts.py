@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from itertools import product
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -84,6 +85,11 @@ class Drawn:
     clutter_x_m: Array
     clutter_y_m: Array
 
+    @property
+    def roof_m(self) -> Array:
+        """[N, 3] middle of the roof's lower face."""
+        return self.floor_m + self.height_m[:, None] * np.array([0.0, 0.0, 1.0])
+
     def clutter_pos_m(self, half_m: Array) -> Array:
         """[N, 2, 3] centres of the clutter boxes, given their half depths and half heights [N, 2, 2]."""
         side = np.array([-1.0, 1.0])
@@ -122,6 +128,20 @@ def interval(name: str, pair: Sequence[float], allowed: Range) -> Range:
     if pair[0] < allowed[0] or pair[1] > allowed[1]:
         raise ConfigError(f"shelf: {name} must lie within [{allowed[0]:g}, {allowed[1]:g}], got {list(pair)}")
     return float(pair[0]), float(pair[1])
+
+
+def positive(params: Mapping[str, Any], *names: str) -> None:
+    """Refuse parameters that are not above 0."""
+    for name in names:
+        if not params[name] > 0:
+            raise ConfigError(f"shelf: {name} must be positive, got {params[name]}")
+
+
+def sized(name: str, values: Sequence[float], size: int) -> tuple[float, ...]:
+    """`values`, refused where there are not `size` of them."""
+    if len(values) != size:
+        raise ConfigError(f"shelf: {name} must hold {size} numbers, got {list(values)}")
+    return tuple(values)
 
 
 def facing_shelf(fingers: float) -> Array:

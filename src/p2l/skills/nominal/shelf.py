@@ -14,15 +14,16 @@ import numpy as np
 from p2l.records import Array, BoolArray
 from p2l.skills.follow import Follow, Waypoints
 from p2l.worlds.observation import Observation, Privileged
-from p2l.worlds.shelf import UPRIGHT, Shelf, upright_distance
+from p2l.worlds.shelf import UPRIGHT, Shelf
+from p2l.worlds.shelf_hold import upright_distance
 from p2l.worlds.shelf_scene import DEPTH_M, TABLE_M
 from p2l.worlds.shelf_starts import APPROACH_M, AWAY_M, CARRY_M
 
 CLEARANCE_M = 0.003  # between what is carried and the shelf's floor
 BEFORE_M = 0.06  # from the thing's near side back to the pose before the grasp
-NEAR_M = 0.01
-ASIDE_M = 0.05
-SAG_M = 0.002  # what is carried sinks by so much on its way in
+NEAR_M = 0.01  # a thing that is no farther above the table stands on it
+ASIDE_M = 0.05  # Place brings it to the middle of the shelf from that far
+SAG_M = 0.002  # what is carried sinks by so much on its way to the shelf, and again on its way in
 BEYOND_M = 0.05  # how far Place goes past the middle of the shelf, if it starts too deep inside
 STEPS = {"pick": (8, 10, 8, 10), "move": (18,), "place": (14, 5, 6, 14)}  # control steps of each leg
 SETTLE = {"pick": (0, 2, 8, 2), "move": (6,), "place": (2, 1, 6, 2)}  # of these, standing still at the end
@@ -68,7 +69,7 @@ def options(world: Shelf) -> tuple[Follow, ...]:
     def can_move(truth: Privileged) -> BoolArray:
         """It is held upright, and hangs so that it fits between floor and roof where Move goes."""
         hangs = truth["grip_pos_m"][:, 2] - truth["object_pos_m"][:, 2] - thing.grip_above_m
-        return held_upright(truth) & fits(truth, CLEARANCE_M - hangs)
+        return held_upright(truth) & fits(truth, CLEARANCE_M - hangs - SAG_M)
 
     def can_place(truth: Privileged) -> BoolArray:
         """It is held upright in front of the shelf or inside, and fits between floor and roof as it is."""

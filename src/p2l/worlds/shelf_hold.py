@@ -1,0 +1,68 @@
+"""What the detectors at the shelf remember of the hand: whether it holds the thing, and how it held it.
+
+Axis letters: N rows, M = 12 columns of memory.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from p2l import poses
+from p2l.records import Array, BoolArray
+
+MEMORY_SIZE = 12
+CLOSED, HELD, LIFTED, FORCE, FLAGGED = range(5)  # closed: for how many control steps; lifted: ever; force: the last, N
+POS, QUAT = slice(5, 8), slice(8, 12)  # pose in the hand at the lift, or at the last flag since
+CLOSING_STEPS = 5  # control steps that the fingers need
+NEAR_M = 0.12  # what the closed fingers hold is not farther from the grip site
+UPRIGHT_QUAT = np.array([1.0, 0.0, 0.0, 0.0])
+
+InHand = tuple[Array, Rotation]  # position [N, 3], m, and orientation of the thing in the frame of the grip site
+
+
+def in_hand(grip_pos: Array, grip_quat: Array, object_pos: Array, object_quat: Array) -> InHand:
+    """The pose in the hand from poses in the world: positions [N, 3], quaternions [N, 4]."""
+    hand = poses.rotation(grip_quat).inv()
+    return np.asarray(hand.apply(object_pos - grip_pos)), hand * poses.rotation(object_quat)
+
+
+def hold(memory: Array, closed: BoolArray, up: BoolArray, before: InHand, after: InHand) -> Array:
+    """[N, M] the memory after a control step, all but force and flags.
+
+    Args:
+        memory: [N, M] before it.
+        closed: [N] whether the fingers are told to close.
+        up: [N] whether the thing is above the table, between fingers that are not empty.
+        before: the pose in the hand before the step: what a slip counts from after a flag.
+        after: the same after the step: what it counts from after a lift.
+    """
+    new = memory.copy()
+    new[:, CLOSED] = np.where(closed, memory[:, CLOSED] + 1.0, 0.0)
+    new[~closed, HELD] = 0.0
+    near = np.linalg.norm(after[0], axis=1) < NEAR_M
+    lifted = up & near & (new[:, CLOSED] >= CLOSING_STEPS) & (new[:, HELD] == 0)
+    new[lifted, HELD] = new[lifted, LIFTED] = 1.0
+    flagged = (new[:, HELD] > 0) & (new[:, FLAGGED] > 0)
+    for where, (pos, turn) in ((flagged, before), (lifted, after)):
+        new[where, POS], new[where, QUAT] = pos[where], poses.quat(turn)[where]
+    return new
+
+
+def slip(now: InHand, memory: Array) -> tuple[Array, Array]:
+    """Turn (rad) and shift (m), both [N], since what `memory` [N, M] holds; 0 where nothing is held."""
+    pos, turn = now
+    held = memory[:, HELD] > 0
+    kept = np.where(held[:, None], memory[:, QUAT], UPRIGHT_QUAT)
+    turned = (poses.rotation(kept).inv() * turn).magnitude()
+    return np.where(held, turned, 0.0), np.where(held, np.linalg.norm(pos - memory[:, POS], axis=1), 0.0)
+
+
+def upright_distance(quat: Array) -> Array:
+    """[N] distance of quaternions [N, 4] from the closest one that stands upright; half the tilt if small."""
+    return np.asarray(np.sqrt(np.maximum(2.0 - 2.0 * np.hypot(quat[:, 0], quat[:, 3]), 0.0)))
+
+
+def turn_rad(quat: Array) -> Array:
+    """[N] angles of the rotations [N, 4]."""
+    return np.asarray(2.0 * np.arccos(np.clip(np.abs(quat[:, 0]), 0.0, 1.0)))
