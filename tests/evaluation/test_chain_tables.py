@@ -1,0 +1,84 @@
+"""Tables and figures of chapter 5 on data made by hand."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from p2l.evaluation.chain_figures import learning_curves, options_tried
+from p2l.evaluation.chain_tables import Learning, figure_5_5, figure_5_8, steps_to_thesis, table_5_1
+from p2l.evaluation.statistics import wilson_interval
+from p2l.evaluation.thesis import load_thesis
+
+
+@pytest.fixture(scope="module")
+def thesis():
+    return load_thesis("data/thesis", 5)
+
+
+def episodes(learner, seed, nominal, flagged, recovered):
+    """`nominal` successes, then `flagged` failures of which the first `recovered` are recovered."""
+    count = nominal + flagged
+    done = np.arange(count) < nominal
+    rows = {
+        "episode": np.arange(count),
+        "nominal": done,
+        "flagged": ~done,
+        "success": np.arange(count) < nominal + recovered,
+    }
+    return pd.DataFrame(rows).assign(learner=learner, seed=seed, diverged=False, steps=10, actions="")
+
+
+def cell(table, method, metric, setting="world=pick_place"):
+    rows = table[(table["method"] == method) & (table["metric"] == metric) & (table["setting"] == setting)]
+    return rows.iloc[0]
+
+
+@pytest.fixture(scope="module")
+def made(thesis):
+    parts = [episodes("rc", 0, 6, 4, 4), episodes("rc", 1, 8, 2, 1), episodes("rl", 0, 0, 10, 1)]
+    return table_5_1({"pick_place": pd.concat(parts, ignore_index=True)}, thesis)
+
+
+def test_overall_success_pools_episodes_and_the_seeds_are_kept_apart(made):
+    pooled = cell(made, "rc", "success")
+    assert (pooled["mean"], pooled["n"], pooled["thesis"]) == (19 / 20, 20, 0.9)
+    assert (pooled["low"], pooled["high"]) == tuple(float(x) for x in wilson_interval(19, 20))
+    seeds = cell(made, "rc", "success_by_seed")
+    assert (seeds["mean"], seeds["n"]) == (pytest.approx(0.95), 2)
+    assert seeds["low"] < 0.95 < seeds["high"]
+    assert cell(made, "rc", "recovery")["mean"] == 5 / 6
+    assert cell(made, "nominal", "success")["mean"] == 14 / 20
+    assert cell(made, "rl", "success")["mean"] == 0.1
+
+
+def run(learner, seed, *points, chosen=((3, 1), (0, 5))):
+    evaluations = pd.DataFrame(points, columns=["control_steps", "success"])
+    rounds = pd.DataFrame(chosen, columns=["chosen:from pick", "chosen:from place"])
+    return Learning(learner, seed, rounds.assign(control_steps=range(len(chosen))), evaluations)
+
+
+@pytest.fixture(scope="module")
+def runs():
+    return {"pick_place": [run("rc", 1, (0, 0.0), (100, 0.8)), run("rc", 0, (0, 0.0), (50, 0.2), (100, 0.6))]}
+
+
+def test_curves_hold_the_last_evaluation_so_far(runs, thesis):
+    table = figure_5_5(runs, thesis, points=3)
+    half = cell(table, "rc", "success", "world=pick_place;control_steps=50")
+    assert (half["mean"], half["n"]) == (0.1, 2)
+    assert cell(table, "rc", "success", "world=pick_place;control_steps=100")["mean"] == pytest.approx(0.7)
+    assert len(learning_curves(table).axes) == 1
+
+
+def test_options_are_counted_by_round(runs, thesis):
+    table = figure_5_8(runs, thesis)
+    assert cell(table, "rc", "place", "world=pick_place;round=1")["mean"] == 5.0
+    assert cell(table, "rc", "pick", "world=pick_place;round=0")["mean"] == 3.0
+    assert len(options_tried(table, "pick_place").axes[0].lines) == 2
+
+
+def test_steps_to_the_thesis_are_those_of_the_first_evaluation_that_is_good_enough(made, runs, thesis):
+    table = steps_to_thesis(made, runs, thesis)  # 0.9 overall with 0.7 nominal asks for 2 / 3 of the failures
+    assert cell(table, "rc", "reached")["mean"] == 0.5
+    assert cell(table, "rc", "control_steps")["mean"] == 100.0
+    assert cell(table, "rc", "ratio")["mean"] == 100.0 / 500_000
