@@ -42,6 +42,7 @@ class Phase:
         reached_rad: and to the orientation to hold; infinite: no matter.
         still_m: the phase is over only when the opening between the fingers changes by less than this in a control
             step, m; infinite: the fingers are no matter.
+        open_m: the phase is over only when the fingers are at least so far apart, m.
         at_least: control steps that the phase lasts whatever is observed.
     """
 
@@ -52,6 +53,7 @@ class Phase:
     reached_m: float = 0.01
     reached_rad: float = 0.2
     still_m: float = np.inf
+    open_m: float = 0.0
     at_least: int = 0
 
 
@@ -122,9 +124,9 @@ class Machine:
         away = np.linalg.norm(seen["grip_pos_m"] - goal, axis=1)
         turn = _angle(seen["grip_quat"], memory[:, _QUAT])
         there = (away < self._of("reached_m")[index]) & (turn < self._of("reached_rad")[index])
-        met = there & (change_m < self._of("still_m")[index])
+        fingers = (change_m < self._of("still_m")[index]) & (seen["gap_m"][:, 0] >= self._of("open_m")[index])
         late = steps >= self._of("limit")[index]
-        return np.asarray((met & (steps >= self._of("at_least")[index])) | late)
+        return np.asarray((there & fingers & (steps >= self._of("at_least")[index])) | late)
 
     def _of(self, attribute: str) -> Array:
         return np.array([getattr(phase, attribute) for phase in self.phases], dtype=np.float64)

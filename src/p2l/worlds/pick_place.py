@@ -106,7 +106,7 @@ class PickPlace(RobotWorld):
         estimator: Mode = "exact",
         sigma_m: float = 0.0,
         x_m: Sequence[float] = (-0.115, 0.115),
-        y_m: Sequence[float] = (-0.193, 0.193),
+        y_m: Sequence[float] = (-0.196, 0.196),
         wall_clearance_m: float = 0.04,
         yaw_rad: Sequence[float] = (0.0, 2 * np.pi),
         joint_noise_rad: float = 0.02,

@@ -21,6 +21,7 @@ HOVER_M = 0.05
 OVER_GOAL_M = QUARTER_M + np.array([0.0, 0.0, 0.2])
 AT_GOAL_M = QUARTER_M + np.array([0.0, 0.0, 0.1])
 ALIGNED_M, ALIGNED_RAD = 0.01, 0.15  # the hand goes down only where it is this close to straight above the bread
+RELEASED_GAP_M = 0.07
 HELD_GAP_M = (0.02, 0.065)  # opening of fingers that are closed on the bread, along whichever side
 
 
@@ -45,7 +46,7 @@ def options(world: PickPlace) -> tuple[Machine, ...]:
             "place",
             (
                 Phase(_at_goal, grip=1.0, pace_m=0.025),
-                Phase(_stay, grip=0.0, still_m=5e-4, reached_m=np.inf, reached_rad=np.inf, at_least=6),
+                Phase(_stay, grip=0.0, open_m=RELEASED_GAP_M, reached_m=np.inf, reached_rad=np.inf, at_least=6),
             ),
             quarter_turn,
             can_place,
