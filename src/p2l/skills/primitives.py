@@ -2,8 +2,9 @@
 
 "Each action primitive is defined in the robot's end-effector frame and operates only on a single dimension": ± 2 cm
 along x, y, z and ± π/2 about one axis (thesis, section 5.4, "RL Training"); the gripper keeps its command. The target
-moves there within `MOVE_STEPS` and is held to the end of the primitive. `GRIPS` open and close the fingers, for who
-has no nominal skills to do that.
+moves there within `MOVE_STEPS` and is held to the end of the primitive. As in robosuite's controller, a motion counts
+from where the hand is, not from its target: a hand that presses on something stops pressing with its first motion.
+`GRIPS` open and close the fingers, for who has no nominal skills to do that.
 """
 
 from __future__ import annotations
@@ -49,9 +50,9 @@ class Primitive:
         return np.ones(len(truth), dtype=np.bool_)
 
     def begin(self, seen: Observation) -> Array:
-        """The present target, the new one, and the gripper's command."""
+        """The present target, the new one, and the gripper's command; a translation keeps the orientation asked for."""
         turned = poses.rotation(seen["target_quat"])
-        pos = seen["target_pos_m"] + turned.apply(self.shift_m)
+        pos = seen["grip_pos_m"] + turned.apply(self.shift_m)
         quat = poses.quat(turned * poses.about(np.asarray(self.turn_rad), 1.0))
         grip = seen["grip_command"] if self.grip is None else np.full((len(seen), 1), self.grip)
         return np.concatenate([seen["target_pos_m"], seen["target_quat"], pos, quat, grip], axis=1)
