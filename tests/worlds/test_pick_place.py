@@ -26,7 +26,7 @@ def world():
 @pytest.fixture(scope="module")
 def at_a_wall():
     """Breads so close to a wall at the right or the left that the hand must meet it, not close to the other two."""
-    world = PickPlace(x_m=(-0.07, 0.07), y_m=(0.16, 0.193))
+    world = PickPlace(x_m=(-0.07, 0.07), y_m=(0.145, 0.17))
     rows = world.sample(np.random.default_rng(1), 16)
     return world, rows, chain.run(world, options(world), rows)
 
@@ -107,10 +107,10 @@ def test_a_turned_hand_is_not_turned_back_and_fits_between_the_walls(at_a_wall):
 
 def test_fingers_can_drag_the_bread_off_the_wall(at_a_wall):
     world, _, done = at_a_wall
-    dragged = chain.run(world, [PRIMITIVE["move -x"]] * 6, done.last.rows, stop_on_failure=False)
+    dragged = chain.run(world, [PRIMITIVE["move -x"]] * 5, done.last.rows, stop_on_failure=False)
     before, after = (world.read(rows, "object_pos")[:, 1] for rows in (done.last.rows, dragged.last.rows))
-    assert (before - after > 0.03).mean() >= 0.8
-    assert chain.run(world, options(world), dragged.last.rows).success.mean() >= 0.7
+    assert (before - after > 0.03).all()
+    assert chain.run(world, options(world), dragged.last.rows).success.mean() >= 0.8
 
 
 def test_a_hand_that_closes_on_nothing_has_dropped_the_bread():
