@@ -5,6 +5,8 @@ Axis letters: N places of the door, J joints of the arm.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from p2l import poses
@@ -14,6 +16,7 @@ from p2l.sim.scene import Scene
 from p2l.worlds.handles import axis_of, grasp_pose, hinge_of
 
 START_AWAY_M = 0.2  # from the grasp, which is 4 cm beyond the lever
+POSTURE_NM = 5.0  # N·m/rad that draw each joint to the start posture
 BRANCH_RAD = 2.0  # a joint that turns farther between two poses of a motion has left its branch
 
 
@@ -41,6 +44,18 @@ def start_posture(scene: Scene, pos: Array, quat: Array, open_rad: float) -> tup
             return sign, start
         missing = min(missing, left, key=len)
     return missing
+
+
+def hold_posture(scenes: Sequence[Scene], start: Array) -> None:
+    """Weak springs draw the arm's joints to `start` [J], rad.
+
+    The models change in place: the start is known only once an engine has told where the handles are.
+    """
+    for scene in scenes:
+        for name, rest in zip(scene.arm_joints, start, strict=True):
+            joint = scene.model.joint(name)
+            scene.model.jnt_stiffness[joint.id] = POSTURE_NM
+            scene.model.qpos_spring[joint.qposadr[0]] = rest
 
 
 def _ways(

@@ -20,6 +20,7 @@ DOOR = "Door"
 HINGE_FROM_AXIS_M = 0.43  # robosuite's
 GRASP_FROM_SITE_M = 0.045  # the nominal grasp, from the handle's position towards its axis
 GRASP_DEEPER_M = 0.04  # and beyond the lever's middle: with the exact state the palm leans on the lever
+LATCH_DAMPING_NMS = 0.2  # N·m·s/rad; without it a lever that is let go swings for four seconds
 LEVER_OUT_M = 0.10  # robosuite's: from the door's middle plane to the middle of the lever
 SITE_FROM_TIP_M = 0.025  # robosuite's: what counts as the handle's position lies that far from the tip
 
@@ -60,7 +61,7 @@ HANDLES: Mapping[str, Handle] = {
     "3": Handle(0.150, 0.030, 0.030),
     "4": Handle(0.140, 0.026, 0.024),
     "5": Handle(0.095, 0.012, 0.012),
-    "full_size": Handle(0.130, 0.030, 0.030, True, friction=0.3, weight=8.0, hinge_friction_nm=1.0),
+    "full_size": Handle(0.140, 0.030, 0.030, True, friction=0.4, weight=4.0, hinge_friction_nm=0.8),
 }
 NOMINAL = HANDLES["1"]
 
@@ -93,6 +94,7 @@ def shape(handle: Handle) -> Callable[[mujoco.MjSpec], None]:
         hinge = spec.joint(f"{DOOR}_hinge")
         hinge.frictionloss = handle.hinge_friction_nm
         hinge.stiffness = [handle.closer_nm_per_rad, 0.0, 0.0]
+        spec.joint(f"{DOOR}_latch_joint").damping = [LATCH_DAMPING_NMS, 0.0, 0.0]
 
     return edit
 

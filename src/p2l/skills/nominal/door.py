@@ -31,13 +31,13 @@ class Motion:
         before_m: reach-and-grasp comes from that far in front of the grasp,
         above_m: and aims that far above it, because the arm dips by as much on its way.
         latch_rad: rotate-handle turns the handle to there; the latch is free of the frame from 1.16 rad on, and the
-            impedance gives way to the latch's spring.
+            impedance gives way to the springs of latch and posture.
         hinge_rad: pull-handle opens the door to there.
     """
 
     before_m: float = 0.08
     above_m: float = 0.007
-    latch_rad: float = 1.52
+    latch_rad: float = 1.64
     hinge_rad: float = 0.5
 
 
