@@ -118,13 +118,13 @@ class Machine:
         return Decision(Command(pos, quat, self._of("grip")[index]), memory, done)
 
     def _over(self, seen: Observation, goals: Array, memory: Array, change_m: Array) -> BoolArray:
-        index = memory[:, _PHASE].astype(np.int64)
+        index = np.minimum(memory[:, _PHASE].astype(np.int64), len(self.phases) - 1)
         steps = memory[:, _STEPS]
         goal = goals[index, np.arange(len(seen))]
         away = np.linalg.norm(seen["grip_pos_m"] - goal, axis=1)
         turn = _angle(seen["grip_quat"], memory[:, _QUAT])
         there = (away < self._of("reached_m")[index]) & (turn < self._of("reached_rad")[index])
-        fingers = (change_m < self._of("still_m")[index]) & (seen["gap_m"][:, 0] >= self._of("open_m")[index])
+        fingers = (change_m <= self._of("still_m")[index]) & (seen["gap_m"][:, 0] >= self._of("open_m")[index])
         late = steps >= self._of("limit")[index]
         return np.asarray((there & fingers & (steps >= self._of("at_least")[index])) | late)
 

@@ -1,0 +1,88 @@
+"""State machines as options: pace, change of phase, and that a row's way depends on nothing but what it sees."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from p2l import poses
+from p2l.skills.machine import Machine, Phase
+from p2l.skills.option import Option
+from p2l.worlds.observation import Observation
+
+UNIT = np.array([1.0, 0.0, 0.0, 0.0])
+
+
+def see(pos, target, gap=0.08, quat=UNIT, target_quat=UNIT):
+    rows = len(np.atleast_2d(pos))
+    wide = {"grip_quat": quat, "target_quat": target_quat}
+    return Observation.of(
+        {"grip_pos_m": np.atleast_2d(pos), "target_pos_m": np.atleast_2d(target), "gap_m": np.full(rows, gap)}
+        | {name: np.tile(value, (rows, 1)) for name, value in wide.items()}
+    )
+
+
+def machine(enter=None):
+    return Machine(
+        "there and shut",
+        (
+            Phase(lambda seen: np.tile([1.0, 0.0, 0.0], (len(seen), 1)), grip=0.0, limit=4, pace_m=0.3),
+            Phase(lambda seen: seen["target_pos_m"], grip=1.0, still_m=1e-3, reached_m=np.inf, at_least=2, limit=6),
+        ),
+        orient=lambda seen: np.tile(UNIT, (len(seen), 1)),
+        ready=lambda truth: np.ones(len(truth), dtype=bool),
+        enter=enter,
+    )
+
+
+def decide(option, seen, memory):
+    return option.decide(seen, memory, np.zeros(len(seen), dtype=np.int64))
+
+
+def test_the_target_goes_straight_at_its_pace_and_stops_at_the_goal():
+    option = machine()
+    seen = see([0.0, 0.0, 0.0], [0.4, 0.8, 0.0])
+    moved = decide(option, seen, option.begin(seen)).command
+    assert_allclose(moved.pos, [[0.4 + 0.3 * 0.6, 0.8 - 0.3 * 0.8, 0.0]])
+    near = see([0.0, 0.0, 0.0], [0.9, 0.0, 0.0])
+    assert_allclose(decide(option, near, option.begin(near)).command.pos, [[1.0, 0.0, 0.0]])
+    turned = poses.quat(poses.about([0.0, 0.0, 1.0], 1.0))[0]
+    far = see([0.0, 0.0, 0.0], [0.0, 0.0, 0.0], target_quat=turned)
+    after = poses.rotation(decide(option, far, option.begin(far)).command.quat).magnitude()
+    assert_allclose(after, 1.0 - option.pace_rad)
+
+
+def test_a_phase_ends_when_its_goal_is_reached_or_its_time_is_over():
+    option = machine()
+    there, away = see([1.0, 0.0, 0.0], [1.0, 0.0, 0.0]), see([0.0, 0.0, 0.0], [1.0, 0.0, 0.0])
+    assert decide(option, there, option.begin(there)).command.grip == 1.0
+    tilted = see([1.0, 0.0, 0.0], [1.0, 0.0, 0.0], quat=poses.quat(poses.about([1.0, 0.0, 0.0], 0.5))[0])
+    assert decide(option, tilted, option.begin(tilted)).command.grip == 0.0, "not before it is turned right"
+    memory, grips = option.begin(away), []
+    for _ in range(6):
+        decision = decide(option, away, memory)
+        memory = decision.memory
+        grips.append(float(decision.command.grip[0]))
+    assert grips == [0.0] * 4 + [1.0] * 2
+
+
+def test_fingers_must_have_come_to_rest():
+    option = machine(enter=lambda seen: np.ones(len(seen), dtype=np.int64))
+    gaps, done = [0.08, 0.06, 0.05, 0.0495, 0.0495], []
+    memory = option.begin(see([0.0] * 3, [0.0] * 3))
+    for gap in gaps:
+        decision = decide(option, see([0.0] * 3, [0.0] * 3, gap=gap), memory)
+        memory = decision.memory
+        done.append(bool(decision.done[0]))
+    assert done == [False, False, False, True, True]
+
+
+@pytest.mark.parametrize("order", [[0, 1, 2], [2, 0, 1]])
+def test_rows_do_not_touch_each_other(order):
+    option = machine()
+    assert isinstance(option, Option)
+    pos = np.array([[1.0, 0.0, 0.0], [0.0, 0.5, 0.0], [0.2, 0.0, 0.1]])
+    seen = see(pos, pos)
+    whole = decide(option, seen, option.begin(seen))
+    part = decide(option, seen.take(order), option.begin(seen.take(order)))
+    assert_array_equal(part.command.pos, whole.command.pos[order])
+    assert_array_equal(part.memory, whole.memory[order])
