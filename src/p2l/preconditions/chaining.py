@@ -29,8 +29,6 @@ from p2l.skills.relative import Timing
 from p2l.worlds.symbols import Symbols
 from p2l.worlds.world import Rows, World
 
-REGULARISATION = 1e-4
-
 
 @dataclass(frozen=True)
 class ChainingOptions:
@@ -40,6 +38,8 @@ class ChainingOptions:
         trajectories: nominal executions with exact state.
         samples: for each skill, in its vicinity.
         components: largest number of Gaussians in D_i⁻.
+        regularisation: added to the variances of standardised features. 0.03 lets no direction of D_i⁺ be narrower than
+            a sixth of how far samples spread, which costs no accuracy and leaves REPS a slope that it can climb.
         held_out: share of each skill's samples that only tests it, in (0, 1).
         vicinity: how far samples reach.
         timing: of the motions that reach them.
@@ -48,6 +48,7 @@ class ChainingOptions:
     trajectories: int
     samples: int
     components: int = 5
+    regularisation: float = 0.03
     held_out: float = 0.25
     vicinity: Vicinity = field(default_factory=Vicinity)
     timing: Timing = field(default_factory=Timing)
@@ -66,6 +67,7 @@ class Samples:
 
     Attributes:
         states: [N, D] starts.
+        ends: [N, D] where the skill ended.
         labels: [N] whether it led to the next precondition.
         solved: [N] whether the chain from this skill on led to the goal, the real thing that labels stand for.
         moved: [N] whether the start was reached by a motion of the hand, see `vicinity`.
@@ -73,6 +75,7 @@ class Samples:
     """
 
     states: Array
+    ends: Array
     labels: BoolArray
     solved: BoolArray
     moved: BoolArray
@@ -124,18 +127,22 @@ def chain_preconditions(
     skills: list[PreconditionClassifier] = []
     tried: list[Samples] = []
     for skill in reversed(range(len(nominal))):
-        density = _density(good[skill])
+        density = _density(good[skill], good[skill], options.regularisation)
         rows, moved = sample(
             world, symbols, pool, skill, density, options.samples, options.vicinity, options.timing, rng
         )
         found = _try(world, symbols, nominal, rows, moved, skill, skills, options.held_out, rng)
-        skills.insert(0, _fit(symbols, found, good[skill], options.components, seed, skill))
+        skills.insert(
+            0, fit_one(symbols.names, found, good[skill], options, generator(seed, "preconditions", "fit", skill))
+        )
         tried.insert(0, found)
         if progress is not None:
             progress(1)
     names = tuple(option.name for option in nominal)
     rates = np.array([_precision(skill, found) for skill, found in zip(skills, tried, strict=True)])
-    record = Preconditions(world.name, world.digest, names, tuple(skills), _density(good[-1]), rates)
+    last = tried[-1]
+    goal = _density(np.concatenate([last.ends[last.labels], good[-1]]), last.ends, options.regularisation)
+    record = Preconditions(world.name, world.digest, names, tuple(skills), goal, rates)
     return Chaining(record, tuple(tried), len(starts), successful)
 
 
@@ -167,10 +174,12 @@ def _try(
     first: IntArray = np.full(len(rows), skill)
     run = chain.run(world, nominal, rows, first=first, stop_on_failure=False)
     own = run.ends.take((run.ends.option == skill) & ~run.diverged[run.ends.episode])
-    reached = later[0].holds(symbols.state(world.privileged(own.rows))) if later else world.goal(own.rows)
+    ends = symbols.state(world.privileged(own.rows))
+    reached = later[0].holds(ends) if later else world.goal(own.rows)
     sound = own.episode
     return Samples(
         states=symbols.state(world.privileged(rows))[sound],
+        ends=ends,
         labels=reached,
         solved=run.success[sound],
         moved=moved[sound],
@@ -178,15 +187,16 @@ def _try(
     )
 
 
-def _fit(
-    symbols: Symbols, found: Samples, good: Array, components: int, seed: int, skill: int
+def fit_one(
+    names: Sequence[str], found: Samples, good: Array, options: ChainingOptions, rng: np.random.Generator
 ) -> PreconditionClassifier:
-    """ρ of one skill from its training samples and its good starts."""
+    """ρ of one skill from its training samples and its good starts [·, D]."""
     kept = ~found.held_out
     states = np.concatenate([found.states[kept], good])
     labels = np.concatenate([found.labels[kept], np.ones(len(good), dtype=np.bool_)])
-    rng = generator(seed, "preconditions", "fit", skill)
-    return fit_classifier(states, labels, symbols.names, rng, components=components, regularisation=REGULARISATION)
+    return fit_classifier(
+        states, labels, names, rng, components=options.components, regularisation=options.regularisation
+    )
 
 
 def _precision(skill: PreconditionClassifier, found: Samples) -> float:
@@ -195,7 +205,7 @@ def _precision(skill: PreconditionClassifier, found: Samples) -> float:
     return float((found.labels[found.held_out][inside].sum() + 1.0) / (inside.sum() + 2.0))
 
 
-def _density(states: Array) -> Mixture:
-    """D⁺ of good starts [·, D]."""
-    mean, scale = standardisation(states)
-    return fit_gaussian((states - mean) / scale, REGULARISATION).in_units(mean, scale)
+def _density(states: Array, reference: Array, regularisation: float) -> Mixture:
+    """D⁺ of good states [·, D], regularised in units of how far those of `reference` [·, D] spread."""
+    mean, scale = standardisation(reference)
+    return fit_gaussian((states - mean) / scale, regularisation).in_units(mean, scale)

@@ -6,9 +6,10 @@ straight motion to a sampled goal state of the target.
 
 Where the facts are silent:
 1. Standard deviations of the first distribution, a floor under them, and a diagonal covariance (`QueryOptions`).
-2. A search stops after the first update whose rollouts succeed often enough, and answers with the mean that drew
+2. The first mean goes straight; before the last waypoint it leaves open whether the fingers are open or closed.
+3. A search stops after the first update whose rollouts succeed often enough, and answers with the mean that drew
    them. An unsolved one answers with its last mean; it is a failure and says so.
-3. A rollout whose simulation breaks down gets the lowest return of its update.
+4. A rollout whose simulation breaks down gets the lowest return of its update.
 
 All rollouts of an update are one batch of the engine; several queries share batches and stay independent of each
 other, since each has its own generator.
@@ -27,7 +28,7 @@ from p2l.errors import ConfigError
 from p2l.records import Array, BoolArray
 from p2l.recoveries.target import Task
 from p2l.skills.execute import execute, known_exactly
-from p2l.skills.relative import SIZE, Timing
+from p2l.skills.relative import SIZE, WAYPOINTS, Timing
 from p2l.skills.reps import SearchDistribution, update
 from p2l.worlds.world import Rows
 
@@ -57,8 +58,8 @@ class QueryOptions:
     epsilon: float = 0.5
     minimum_temperature: float = 1e-5
     solved: float = 0.9
-    sigma_m: tuple[float, ...] = (0.04, 0.02, 0.02)
-    sigma_rad: float = 0.1
+    sigma_m: tuple[float, ...] = (0.03, 0.01, 0.005)
+    sigma_rad: float = 0.05
     sigma_grip: float = 1.0
     floor: float = 0.1
     shrinkage: float = 1.0
@@ -128,6 +129,7 @@ def query(
 def _first(task: Task, row: Rows, target: int, rng: np.random.Generator, options: QueryOptions) -> SearchDistribution:
     wanted = task.preconditions.density(target).sample(rng, 1)
     mean = task.towards(task.world.privileged(row), task.world.observe(row), wanted)[0]
+    mean[6 : 7 * (WAYPOINTS - 1) : 7] = 0.0
     return SearchDistribution(mean, np.diag(options.sigma**2))
 
 

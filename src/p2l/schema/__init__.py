@@ -11,6 +11,7 @@ from collections.abc import Mapping
 
 from p2l.schema.base import StageConfig, resolve, validate
 from p2l.schema.chains import ChainRecoveriesConfig, EvaluateChainsConfig
+from p2l.schema.metareskill import EvaluateRecoveriesConfig, FitPreconditionsConfig, LearnRecoveriesConfig
 from p2l.schema.pipeline import ConfigStageConfig, ReportConfig
 from p2l.schema.recovery import ClusterConfig, DiscoverConfig, WatchConfig
 from p2l.schema.team import CollectConfig, EvaluateTeamConfig, FitTransferConfig, PlanConfig
@@ -20,8 +21,11 @@ SCHEMAS: Mapping[str, type[StageConfig]] = {
     "fit_transfer": FitTransferConfig,
     "plan": PlanConfig,
     "evaluate_team": EvaluateTeamConfig,
+    "fit_preconditions": FitPreconditionsConfig,
     "discover": DiscoverConfig,
     "cluster": ClusterConfig,
+    "learn_recoveries": LearnRecoveriesConfig,
+    "evaluate_recoveries": EvaluateRecoveriesConfig,
     "chain_recoveries": ChainRecoveriesConfig,
     "evaluate_chains": EvaluateChainsConfig,
     "watch": WatchConfig,
@@ -37,8 +41,11 @@ __all__ = [
     "ConfigStageConfig",
     "DiscoverConfig",
     "EvaluateChainsConfig",
+    "EvaluateRecoveriesConfig",
     "EvaluateTeamConfig",
+    "FitPreconditionsConfig",
     "FitTransferConfig",
+    "LearnRecoveriesConfig",
     "PlanConfig",
     "ReportConfig",
     "StageConfig",

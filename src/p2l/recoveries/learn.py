@@ -1,0 +1,118 @@
+"""Recoveries from failures to skills: the pieces put together for one seed, whatever the chooser (Algorithm 3).
+
+Axis letters: N failures, I modes, M targets.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from p2l.artifacts import config_hash
+from p2l.errors import ArtifactError
+from p2l.failures.classifier import ModeClassifier
+from p2l.failures.record import Failures
+from p2l.recoveries.ledger import Ledger
+from p2l.recoveries.metareskill.choose import Chooser
+from p2l.recoveries.metareskill.graph import SkillGraph
+from p2l.recoveries.metareskill.history import History
+from p2l.recoveries.metareskill.loop import learn
+from p2l.recoveries.query import QueryOptions
+from p2l.recoveries.record import modes_hash, preconditions_hash
+from p2l.recoveries.target import Task
+from p2l.recoveries.train import Members, Trainer
+from p2l.seeding import generator
+
+
+@dataclass(frozen=True)
+class Rewards:
+    """Of the skill graph, see `metareskill.graph`."""
+
+    skill_reward: float = -1.0
+    recovery_reward: float = -1.0
+    c_fail: float = 10.0
+
+
+def members(task: Task, failures: Failures, modes: ModeClassifier) -> tuple[Members, int]:
+    """Failures with their modes, and how many were left out because a precondition, as learnt, holds there.
+
+    Raises:
+        ArtifactError: none is left.
+    """
+    lost = ~task.holds(failures.rows).any(axis=1)
+    if not lost.any():
+        raise ArtifactError(
+            f"no failure ({failures.origin.split}): in each of {len(failures)} states a learnt precondition holds; "
+            "discover with more executions, or fit the preconditions with more samples"
+        )
+    kept = failures.take(lost)
+    return Members(kept.rows, modes.classify(kept.truth)[0]), int((~lost).sum())
+
+
+def start_graph(task: Task, failures: Members, modes: ModeClassifier, rewards: Rewards) -> SkillGraph:
+    """The graph before any training: nominal skills as measured, modes as large as found, no recovery succeeds.
+
+    Raises:
+        ArtifactError: a mode has no failure to train from.
+    """
+    sizes = np.bincount(failures.mode, minlength=len(modes)).astype(np.float64)
+    if empty := np.flatnonzero(sizes == 0).tolist():
+        raise ArtifactError(f"failure modes {empty} have no failure to train from; cluster into fewer modes")
+    q = np.zeros((len(modes), len(task.targets)))
+    return SkillGraph(task.preconditions.nominal, sizes, q, **asdict(rewards))
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What all seeds and choosers share.
+
+    Attributes:
+        task: world and preconditions.
+        modes: the failure classifier.
+        failures: to train from.
+        held_out: to measure on.
+        graph: before any training.
+        options: of queries.
+        trials: largest number of held-out failures behind a success rate.
+    """
+
+    task: Task
+    modes: ModeClassifier
+    failures: Members
+    held_out: Members
+    graph: SkillGraph
+    options: QueryOptions
+    trials: int
+
+    def trainer(self, seed: int, path: Path | None = None) -> Trainer:
+        """The trainer of one seed; its ledger, kept at `path`, goes on where the same training left off."""
+        parts = [self.failures.rows.states, self.failures.mode, self.held_out.rows.states, self.held_out.mode]
+        told = [preconditions_hash(self.task.preconditions), modes_hash(self.modes), asdict(self.options)]
+        identity = config_hash([*told, self.trials, seed, *(part.tolist() for part in parts)])
+        ledger = Ledger(identity) if path is None else Ledger.open(path, identity)
+        return Trainer(self.task, self.failures, self.held_out, self.options, seed, ledger, self.trials)
+
+
+def train_recoveries(
+    trainer: Trainer,
+    graph: SkillGraph,
+    chooser: Chooser,
+    *,
+    rounds: int,
+    episodes: int = 1,
+    report: Callable[[History], None] | None = None,
+) -> History:
+    """All rounds of one chooser; `report` is told the history after each.
+
+    What the ledger already holds is not trained again, so an interrupted training repeats its choices at once and goes
+    on, to the bit.
+    """
+    history = History(graph.q)
+    rng = generator(trainer.seed, "choose", chooser.name)
+    for history in learn(graph, chooser, trainer, rounds=rounds, rng=rng, episodes=episodes):
+        if report is not None:
+            report(history)
+    return history

@@ -1,0 +1,135 @@
+"""Configurations of chapter 4's stages: `fit_preconditions`, `learn_recoveries`, `evaluate_recoveries`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import Field, model_validator
+
+from p2l.schema.base import Count, NotNegative, Positive, Probability, Section
+from p2l.schema.recovery import WorldStageConfig
+
+Share = Annotated[float, Field(gt=0, lt=1)]
+Steps = Annotated[tuple[Annotated[int, Field(ge=0)], ...], Field(min_length=3, max_length=3)]
+Seeds = Annotated[tuple[Annotated[int, Field(ge=0, lt=2**32)], ...], Field(min_length=1)]
+
+
+class TimingConfig(Section):
+    """See `p2l.skills.relative.Timing`."""
+
+    legs: Steps
+    settle: Steps
+
+
+class VicinityConfig(Section):
+    """See `p2l.preconditions.vicinity.Vicinity`."""
+
+    noise: Positive
+    spread: Positive
+    moved: Probability
+
+
+class FitPreconditionsConfig(WorldStageConfig):
+    """Stage `fit_preconditions`: Algorithm 2; see `p2l.preconditions.chaining.ChainingOptions`."""
+
+    trajectories: Annotated[int, Field(ge=4)]
+    samples: Annotated[int, Field(ge=8)]
+    components: Count
+    regularisation: Positive
+    held_out: Share
+    vicinity: VicinityConfig
+    timing: TimingConfig
+    counts: tuple[Count, ...]
+
+    @property
+    def method(self) -> str:
+        """The only one."""
+        return "chaining"
+
+
+class QueryConfig(Section):
+    """One REPS query; see `p2l.recoveries.query.QueryOptions`."""
+
+    updates: Count
+    rollouts: Annotated[int, Field(ge=2)]
+    epsilon: Positive
+    minimum_temperature: Positive
+    solved: Annotated[float, Field(gt=0, le=1)]
+    sigma_m: Annotated[tuple[Positive, ...], Field(min_length=3, max_length=3)]
+    sigma_rad: Positive
+    sigma_grip: Positive
+    floor: Probability
+    shrinkage: Probability
+
+
+class ChooserConfig(Section):
+    """A registered chooser; its factory refuses settings that it does not know."""
+
+    name: str
+    params: dict[str, Any] = Field(default_factory=dict)
+
+
+class RewardsConfig(Section):
+    """Of the skill graph; see `p2l.recoveries.metareskill.graph`."""
+
+    skill_reward: Annotated[float, Field(le=0)]
+    recovery_reward: Annotated[float, Field(le=0)]
+    c_fail: Positive
+
+
+class RecoveryFilesConfig(WorldStageConfig):
+    """A stage that works on failures, their modes and the preconditions."""
+
+    preconditions: Path
+    modes: Path
+
+
+class LearnRecoveriesConfig(RecoveryFilesConfig):
+    """Stage `learn_recoveries`: which recovery to train next, by each of `compare` (names in `choosers`).
+
+    The first one's skills are kept. `seeds` are of training, drawn apart from the stage's own.
+    """
+
+    failures: Path
+    held_out: Path
+    choosers: Annotated[dict[str, ChooserConfig], Field(min_length=1)]
+    compare: Annotated[tuple[str, ...], Field(min_length=1)]
+    seeds: Seeds
+    rounds: Count
+    episodes: Count
+    trials: Count
+    rewards: RewardsConfig
+    query: QueryConfig
+    timing: TimingConfig
+
+    @property
+    def method(self) -> str:
+        """The chooser whose skills are kept."""
+        return self.compare[0]
+
+    @model_validator(mode="after")
+    def _known(self) -> LearnRecoveriesConfig:
+        if unknown := sorted(set(self.compare) - set(self.choosers)):
+            raise ValueError(f"compare names {', '.join(unknown)}; choosers has: {', '.join(self.choosers)}")
+        if len(set(self.compare)) < len(self.compare) or len(set(self.seeds)) < len(self.seeds):
+            raise ValueError("compare or seeds names something twice")
+        return self
+
+
+class EvaluateRecoveriesConfig(RecoveryFilesConfig):
+    """Stage `evaluate_recoveries`: tables 4.1 and 4.2."""
+
+    recoveries: Path
+    strategies: Annotated[tuple[str, ...], Field(min_length=1)]
+    episodes: Count
+    handles: tuple[str, ...]
+    handle_episodes: Count
+    max_options: Count
+    slots: Count
+    sigma_m: NotNegative
+
+    @property
+    def method(self) -> str:
+        """All strategies are compared."""
+        return "strategies"

@@ -1,0 +1,64 @@
+"""Stage `learn_recoveries`: which recovery to train next (thesis, section 4.3.2, Algorithm 3)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from p2l.artifacts import save_arrays
+from p2l.evaluation.recovery_report import learning_report
+from p2l.recoveries.learn import Setting, train_recoveries
+from p2l.recoveries.metareskill.choose import Chooser, get_chooser
+from p2l.recoveries.metareskill.history import History
+from p2l.recoveries.record import collect, save_recoveries
+from p2l.recoveries.train import Trainer
+from p2l.schema import LearnRecoveriesConfig
+from p2l.tracking import Tracker
+from stages._child import child
+from stages._progress import counter
+from stages._recovery import open_setting
+from stages._stage import stage
+
+
+@stage("learn_recoveries", LearnRecoveriesConfig)
+def run(cfg: LearnRecoveriesConfig, out: Path, track: Tracker) -> None:
+    """Train with every chooser and seed; keep the first chooser's skills, all rounds, and figures 4.6 and 4.7."""
+    choosers = {name: get_chooser(cfg.choosers[name].name, cfg.choosers[name].params) for name in cfg.compare}
+    setting = open_setting(cfg)
+    histories: dict[tuple[int, str], History] = {}
+    with counter(f"learn {cfg.item}", "round", cfg.rounds * len(choosers) * len(cfg.seeds)) as show:
+        for seed in cfg.seeds:
+            trainer = setting.trainer(seed, out / f"ledger_s{seed}.npz")
+            for name, chooser in choosers.items():
+                with child(track, cfg, "learn_recoveries", name, seed, out / "runs" / f"s{seed}" / name) as told:
+                    histories[seed, name] = _learn(cfg, setting, trainer, chooser, told, show)
+            kept = histories[seed, cfg.compare[0]]
+            save_recoveries(out / f"recoveries_s{seed}.npz", collect(trainer, setting.modes, setting.graph, kept))
+            save_arrays(out / f"history_s{seed}.npz", kept.arrays(), schema="recovery_history", version=1)
+    report = learning_report(out, cfg.item, setting, histories, cfg.compare)
+    track.metrics(report.metrics)
+    for path in report.files:
+        track.artifact(path)
+    for line in report.notes:
+        track.note(line)
+
+
+def _learn(
+    cfg: LearnRecoveriesConfig,
+    setting: Setting,
+    trainer: Trainer,
+    chooser: Chooser,
+    track: Tracker,
+    show: Callable[[int], None],
+) -> History:
+    def report(history: History) -> None:
+        last = history.rounds[-1]
+        numbers = {"value": last.value, "predicted": last.predicted, "q_upper": last.q_upper, "q": last.q}
+        track.metrics({**numbers, "mode": last.mode, "target": last.target, "solved": last.solved}, step=len(history))
+        show(1)
+
+    return train_recoveries(trainer, setting.graph, chooser, rounds=cfg.rounds, episodes=cfg.episodes, report=report)
+
+
+if __name__ == "__main__":
+    run()
