@@ -13,7 +13,7 @@ from p2l.evaluation.robosuite_sim.gains import inertia, matched
 from p2l.sim.scene import WRIST_FORCE
 from p2l.skills import chain
 from p2l.skills.primitives import PRIMITIVES
-from p2l.worlds.world import World
+from p2l.worlds.world import Command, World
 from tests.worlds.push import Push
 
 SIDE = {"x_m": [0.0, 0.02], "y_m": [-0.193, 0.193]}
@@ -23,6 +23,14 @@ SIDE = {"x_m": [0.0, 0.02], "y_m": [-0.193, 0.193]}
 def bread():
     world = registry.get_world("pick_place", SIDE)
     transfer = robosuite_sim.make(world)
+    yield world, transfer
+    transfer.engine.close()
+
+
+@pytest.fixture(scope="module")
+def shelf():
+    world = registry.get_world("cluttered_shelf", {"models": 3, "nthread": 1})
+    transfer = robosuite_sim.make(world, tuning=robosuite_sim.Gains(kp=(600.0,) * 6))
     yield world, transfer
     transfer.engine.close()
 
@@ -95,6 +103,62 @@ def test_options_run_unchanged_and_end_as_in_our_world(bread):
     assert saved.success.all()
 
 
+def test_the_shelf_of_a_row_is_the_same_in_both_simulations(shelf):
+    world, transfer = shelf
+    rows = world.sample(np.random.default_rng(2), 5)
+    assert len(set(rows.model)) > 1
+    same_readings(world, transfer, rows)
+    sim, ours = transfer.engine.environment.sim, world.engine.models[rows.model[-1]]
+    for body in ("object_main", "clutter_left_main", "clutter_right_main"):
+        assert_allclose(sim.model.body_mass[sim.model.body_name2id(body)], ours.body(body).mass)
+        assert_allclose(sim.model.body_inertia[sim.model.body_name2id(body)], ours.body(body).inertia)
+    roof = world.furniture(rows, world.bank.upper)[-1, :3]
+    assert_allclose(sim.data.get_body_xpos(world.bank.upper), roof)
+
+
+def test_the_verdict_on_the_shelf_is_our_goal(shelf):
+    world, transfer = shelf
+    rng = np.random.default_rng(4)
+    rows = world.sample(rng, 40)
+    states = rows.states.copy()
+    place = world._columns[world.bank.object_joint]
+    target = world.furniture(rows, world.bank.lower)[:, :3] + [0.0, 0.0, world.thing.bottom_m]
+    states[:, place : place + 3] = target + rng.uniform(-1.0, 1.0, (40, 3)) * [0.16, 0.06, 0.06]
+    turned = world._columns[world.bank.clutter_joints[0]] + 3
+    states[::4, turned : turned + 4] = [np.cos(0.1), 0.0, 0.0, np.sin(0.1)]
+    control = world.control(Command(np.zeros((40, 3)), np.zeros((40, 4)), np.zeros(40)))
+    rows = replace(rows, states=states, sensors=world.engine.sense(states, control, rows.model))
+    verdicts = []
+    for index in range(40):
+        transfer.engine.sense(states[[index]], control[[index]], rows.model[[index]])
+        verdicts.append(transfer.engine.success())
+    assert 0 < sum(verdicts) < 40
+    assert world.goal(rows).tolist() == verdicts
+
+
+def test_the_shelf_drawn_by_a_reset_is_a_start_of_the_world(shelf):
+    world, transfer = shelf
+    environment = transfer.engine.environment
+    environment.reset()
+    data, starts = environment.sim.data, world.starts
+    floor, roof = (data.get_body_xpos(name) for name in (world.bank.lower, world.bank.upper))
+    assert starts.shelf_y_m[0] <= floor[1] <= starts.shelf_y_m[1]
+    assert starts.shelf_height_m[0] <= roof[2] - floor[2] <= starts.shelf_height_m[1]
+    for _ in range(4):
+        environment.step(np.concatenate([data.get_site_xpos("gripper0_right_grip_site"), [np.pi, 0.0, 0.0, -1.0]]))
+    height = environment.sim.model.geom_size[environment.sim.model.geom_name2id("clutter_left_g0")][2]
+    assert_allclose(data.get_body_xpos("clutter_left_main")[2] - floor[2], height, atol=1e-3)
+
+
+def test_the_nominal_chain_puts_the_thing_onto_the_shelf_of_robosuite(shelf):
+    world, transfer = shelf
+    rows = world.sample(np.random.default_rng(3), 12)
+    options = registry.get_options("cluttered_shelf", world)
+    ours = chain.run(world, options, rows)
+    rows = rows.take([np.argmax(ours.success)])
+    assert robosuite_sim.execute(transfer, options, rows).success.all()
+
+
 def test_one_row_at_a_time(bread):
     world, transfer = bread
     rows = transfer.sample(np.random.default_rng(0), 2)
@@ -121,7 +185,7 @@ def test_matched_gains_give_the_stiffness_and_the_damping(bread):
 
 def test_what_robosuite_does_not_have_is_refused(bread):
     world, _ = bread
-    with pytest.raises(ConfigError, match="no task of its own for 'push'; it has: door, pick_place"):
+    with pytest.raises(ConfigError, match="no task of its own for 'push'; it has: door, pick_place; written"):
         robosuite_sim.make(Push())
     with pytest.raises(ConfigError, match=r"Door \(with the Panda\) differs from this world in Door_handle"):
         robosuite_sim.make(registry.get_world("door", {"handle": "5"}))

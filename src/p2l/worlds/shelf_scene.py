@@ -190,6 +190,11 @@ def _clutter_box(name: str, clutter: Clutter) -> MujocoObject:
     return BoxObject(name, size=half, density=clutter.density, rgba=[0.25, 0.45, 0.7, 1.0])
 
 
+def shelf_parts() -> tuple[MujocoObject, MujocoObject]:
+    """The shelf's lower and upper part, two robosuite objects without joints, for whoever composes a scene himself."""
+    return _lower(), _upper()
+
+
 def _lower() -> MujocoObject:
     """Floor, side walls and back; the origin is the middle of the floor's top."""
     side = (INNER_WIDTH_M + WALL_M) / 2

@@ -55,7 +55,7 @@ class RobosuiteEngine(Engine):
         self._check(states, target_pos, target_quat, control, model_index)
         closed = self._close(control)
         if self._at is None or not np.array_equal(self._at, states[0]):
-            self._mirror.load(states[0], closed=closed)
+            self._mirror.load(states[0], closed=closed, model=int(model_index[0]))
         turn = Rotation.from_quat(target_quat[0], scalar_first=True).as_rotvec()
         self._force.clear()
         self.environment.step(np.concatenate([target_pos[0], turn, [1.0 if closed else -1.0]]))
@@ -68,7 +68,7 @@ class RobosuiteEngine(Engine):
         """[1, D] what our sensors would read in robosuite at this row, which is loaded; see `Engine.sense`."""
         pose = states[:, self.physics_size : self.physics_size + 7]
         self._check(states, pose[:, :3], pose[:, 3:], control, model_index)
-        self._mirror.load(states[0], closed=self._close(control))
+        self._mirror.load(states[0], closed=self._close(control), model=int(model_index[0]))
         self._at = None
         return self._mirror.sensors()[None]
 

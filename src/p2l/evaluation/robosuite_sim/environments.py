@@ -1,4 +1,4 @@
-"""robosuite's environments, made with its public constructor arguments only.
+"""robosuite's environments, made with its public constructor arguments only, and the shelf's, which is written here.
 
 What is asked for, beside the task and the arm: no cameras, 20 Hz, no end of an episode (`ignore_done`), no noise in the
 start posture (a row has its own), resets that keep the compiled model (`hard_reset=False`), and OSC_POSE as robosuite
@@ -13,15 +13,18 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
+import mujoco
 import numpy as np
 
 from p2l.errors import ConfigError
 from p2l.evaluation.robosuite_sim.gains import Gains
 from p2l.sim.scene import Scene
 from p2l.worlds.robot import RobotWorld
+from p2l.worlds.shelf import Shelf
 from p2l.worlds.world import World
 
 TASKS = {"door": "Door", "pick_place": "PickPlaceBread"}
+WRITTEN = {"cluttered_shelf": "PlaceOnShelf", "shelf": "PlaceOnShelf"}  # in `robosuite_sim.shelf`
 CONTROL_HZ = 20
 ARM = "Panda"
 
@@ -31,34 +34,51 @@ def known_tasks() -> dict[str, str]:
     return dict(sorted(TASKS.items()))
 
 
-def scene_of(world: World) -> Scene:
-    """The one scene of a world that robosuite has itself.
+def task_of(name: str) -> str:
+    """The environment, robosuite's own or ours for robosuite, by name of our world.
 
     Raises:
-        ConfigError: robosuite has no such task, or the world has several models or another control period.
+        ConfigError: there is neither.
     """
-    if world.name not in TASKS:
-        raise ConfigError(f"robosuite has no task of its own for '{world.name}'; it has: {', '.join(known_tasks())}")
-    if not isinstance(world, RobotWorld) or len(world.scenes) != 1:
-        raise ConfigError(f"robosuite's own {TASKS[world.name]} has one scene; give a world with one model")
+    if name not in TASKS | WRITTEN:
+        raise ConfigError(
+            f"robosuite has no task of its own for '{name}'; it has: {', '.join(known_tasks())}; "
+            f"written for it (p2l.evaluation.robosuite_sim): {', '.join(WRITTEN)}"
+        )
+    return (TASKS | WRITTEN)[name]
+
+
+def scene_of(world: World) -> Scene:
+    """The scene of a world that runs in robosuite too; the first of the shelf's, which differ in masses and sizes.
+
+    Raises:
+        ConfigError: there is no such task, or the world has several models and robosuite's own environment one, or
+            another control period.
+    """
+    task = task_of(world.name)
+    if not isinstance(world, RobotWorld) or (world.name in TASKS and len(world.scenes) != 1):
+        raise ConfigError(f"robosuite's own {task} has one scene; give a world with one model")
     if round(1.0 / world.engine.control_period_s) != CONTROL_HZ:
         raise ConfigError(f"robosuite is asked for actions at {CONTROL_HZ} Hz; the world has another control period")
     return world.scenes[0]
 
 
-def environment(name: str, scene: Scene, gains: Gains) -> Any:
-    """The robosuite environment that a world was made after.
+def environment(world: World, scene: Scene, gains: Gains) -> Any:
+    """The robosuite environment of a world's task.
 
     Args:
-        name: one of `known_tasks`.
-        scene: of the world.
+        world: whose task is meant.
+        scene: of the world, see `scene_of`.
         gains: of OSC_POSE.
 
     Raises:
         ConfigError: the scene is a variant that robosuite does not have: another arm, or a part of another size.
     """
+    task = task_of(world.name)
     with _quiet():
         import robosuite
+
+        from p2l.evaluation.robosuite_sim import shelf  # robosuite registers its environment
 
         controller = robosuite.load_composite_controller_config(robot=ARM)
         controller["body_parts"]["right"] |= {
@@ -68,7 +88,7 @@ def environment(name: str, scene: Scene, gains: Gains) -> Any:
             "damping_ratio": np.array(gains.damping_ratio),
         }
         made = robosuite.make(
-            TASKS[name],
+            task,
             robots=ARM,
             controller_configs=controller,
             initialization_noise=None,
@@ -79,19 +99,19 @@ def environment(name: str, scene: Scene, gains: Gains) -> Any:
             has_offscreen_renderer=False,
             use_camera_obs=False,
             use_object_obs=False,
+            **(shelf.settings(world) if isinstance(world, Shelf) else {}),
         )
-    if other := _differences(made.sim.model, scene):
+    if other := _differences(made.sim.model, scene.drawn):
         made.close()
         raise ConfigError(
-            f"robosuite's own {TASKS[name]} (with the {ARM}) differs from this world in {', '.join(other)}; "
+            f"robosuite's {task} (with the {ARM}) differs from this world in {', '.join(other)}; "
             "give a world without such a variation"
         )
     return made
 
 
-def _differences(theirs: Any, scene: Scene) -> list[str]:
+def _differences(theirs: Any, model: mujoco.MjModel) -> list[str]:
     """Joints and named geoms of ours that robosuite's model does not have, or has in another size."""
-    model = scene.model
     joints = [model.joint(index).name for index in range(model.njnt)]
     missing = [joint for joint in joints if joint not in theirs.joint_names]
     known = set(theirs.geom_names)

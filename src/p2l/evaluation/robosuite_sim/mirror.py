@@ -1,7 +1,8 @@
 """Our row of robosuite's simulation, and robosuite's simulation at our row: the same joints, bodies and sites by name.
 
 What is set of a row: positions and velocities of all joints that both have, and where furniture stands (robosuite's
-Door sets its body's pose at a reset in the same way). The arm's posture is given to the robot as its `init_qpos` before
+Door sets its body's pose at a reset in the same way). Where our world has several models, masses and sizes of what is
+not fixed are set to those of the row's. The arm's posture is given to the robot as its `init_qpos` before
 robosuite's own reset, so that its controller takes it as its rest posture. Objects that only robosuite has stay where
 its reset puts them (out of sight).
 """
@@ -44,10 +45,12 @@ class Mirror:
         self._qvel = _pairs([(int(joint.dofadr[0]), len(joint.damping)) for joint in joints], qvel_there)
         self._arm = [int(model.joint(name).qposadr[0]) for name in arm_joints]
         self._furniture = [sim.model.body_name2id(name) for name in engine.furniture]
+        self._shape: int | None = 0 if len(engine.models) == 1 else None  # which of our models robosuite has
         self._readings = [self._reading(i) for i in range(model.nsensor)]
 
-    def load(self, state: Array, *, closed: bool) -> None:
-        """Put robosuite at a row [S], at the start of a control step, the fingers told to close or to open."""
+    def load(self, state: Array, *, closed: bool, model: int = 0) -> None:
+        """Put robosuite at a row [S] of a model, at the start of a control step, the fingers told to close or open."""
+        self._reshape(model)
         qpos, qvel = self._engine.qpos(state[None])[0], self._engine.qvel(state[None])[0]
         robot = self._environment.robots[0]
         robot.init_qpos = qpos[self._arm]
@@ -65,6 +68,20 @@ class Mirror:
             part.reset_goal()
         for gripper in robot.gripper.values():
             gripper.current_action = np.array([-1.0, 1.0]) if closed else np.array([1.0, -1.0])
+
+    def _reshape(self, index: int) -> None:
+        """Give free bodies the masses and sizes that they have in one of our models."""
+        if index == self._shape:
+            return
+        ours, sim = self._engine.models[index], self._environment.sim
+        free = {int(ours.jnt_bodyid[i]) for i in np.flatnonzero(ours.jnt_type == mujoco.mjtJoint.mjJNT_FREE)}
+        for body in free:
+            there = sim.model.body_name2id(ours.body(body).name)
+            sim.model.body_mass[there], sim.model.body_inertia[there] = ours.body_mass[body], ours.body_inertia[body]
+        for geom in (i for i in range(ours.ngeom) if int(ours.geom_bodyid[i]) in free):
+            sim.model.geom_size[sim.model.geom_name2id(ours.geom(geom).name)] = ours.geom_size[geom]
+        mujoco.mj_setConst(sim.model._model, sim.data._data)
+        self._shape = index
 
     def state(self, target: Array, furniture: Array) -> Array:
         """[S] our row of robosuite's present state.

@@ -107,22 +107,24 @@ class TransferWorld:
         return self._world.drawn(model)
 
 
-def make(world: World, *, tuning: Tuning = "matched") -> TransferWorld:
+def make(world: World, *, tuning: Tuning | Gains = "matched") -> TransferWorld:
     """An environment of robosuite behind the contract of a world.
 
     Args:
-        world: with robosuite's task, the Panda, and no variation that robosuite's own scene does not have.
-        tuning: of OSC_POSE, `matched` to the impedance of the world's skills, or robosuite's `own`.
+        world: with robosuite's task, the Panda, and no variation that robosuite's own scene does not have; or a shelf.
+        tuning: of OSC_POSE, `matched` to the impedance of the world's skills, robosuite's `own`, or these gains.
 
     Raises:
-        ConfigError: robosuite has no such task, or the world is a variant that it does not have.
+        ConfigError: there is no such task in robosuite, or the world is a variant that it does not have.
     """
     scene = scene_of(world)
-    if tuning not in get_args(Tuning):
+    if not isinstance(tuning, Gains) and tuning not in get_args(Tuning):
         raise ConfigError(f"unknown tuning '{tuning}'; known: {', '.join(get_args(Tuning))}")
-    start = world.engine.qpos(world.sample(np.random.default_rng(0), 1).states)[0]
-    gains = matched(scene, start) if tuning == "matched" else Gains()
-    return TransferWorld(world, RobosuiteEngine(environment(world.name, scene, gains), world.engine, scene))
+    if tuning == "matched":
+        gains = matched(scene, world.engine.qpos(world.sample(np.random.default_rng(0), 1).states)[0])
+    else:
+        gains = tuning if isinstance(tuning, Gains) else Gains()
+    return TransferWorld(world, RobosuiteEngine(environment(world, scene, gains), world.engine, scene))
 
 
 def execute(
