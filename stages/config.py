@@ -22,7 +22,8 @@ from stages._stage import stage
 
 DOMAIN_STAGES = ("collect", "fit_transfer", "plan", "evaluate_team")
 WORLD_STAGES = ("discover", "cluster")
-STAGES = (*DOMAIN_STAGES, *WORLD_STAGES, "report")
+RECOVERY_STAGES = ("fit_preconditions", "learn_recoveries")
+STAGES = (*DOMAIN_STAGES, *WORLD_STAGES, *RECOVERY_STAGES, "report")
 
 
 @stage("config", ConfigStageConfig)
@@ -41,9 +42,10 @@ def run(cfg: ConfigStageConfig, out: Path, track: Tracker) -> None:  # noqa: ARG
     texts |= {
         f"{world}/{name}": composed(cfg, name, [f"world={world}", f"item={world}", f"experiment={cfg.preset}"])
         for world in cfg.worlds
-        for name in WORLD_STAGES
+        for name in (*WORLD_STAGES, *(RECOVERY_STAGES if world in cfg.recovery_worlds else ()))
     }
-    items = [f"domains=[{','.join(cfg.domains)}]", f"worlds=[{','.join(cfg.worlds)}]"]
+    kinds = {"domains": cfg.domains, "worlds": cfg.worlds, "recovery_worlds": cfg.recovery_worlds}
+    items = [f"{kind}=[{','.join(names)}]" for kind, names in kinds.items()]
     texts["report/report"] = composed(cfg, "report", [f"preset={cfg.preset}", *items])
     write(out, texts)
 

@@ -33,8 +33,8 @@ def run(cfg: LearnRecoveriesConfig, out: Path, track: Tracker) -> None:
                 with child(track, cfg, "learn_recoveries", name, seed, out / "runs" / f"s{seed}" / name) as told:
                     histories[seed, name] = _learn(cfg, setting, trainer, chooser, told, show)
             kept = histories[seed, cfg.compare[0]]
-            save_recoveries(out / f"recoveries_s{seed}.npz", collect(trainer, setting.modes, setting.graph, kept))
-            save_arrays(out / f"history_s{seed}.npz", kept.arrays(), schema="recovery_history", version=1)
+            save_recoveries(out / "recoveries" / f"s{seed}.npz", collect(trainer, setting.modes, setting.graph, kept))
+            save_arrays(out / "histories" / f"s{seed}.npz", kept.arrays(), schema="recovery_history", version=1)
     report = learning_report(out, cfg.item, setting, histories, cfg.compare)
     track.metrics(report.metrics)
     for path in report.files:

@@ -100,6 +100,11 @@ def register_symbols(name: str, symbols: str) -> None:
     _SYMBOLS[name] = symbols
 
 
+def described_worlds() -> tuple[str, ...]:
+    """Names of all worlds that have symbols, sorted."""
+    return tuple(sorted(_SYMBOLS))
+
+
 def get_symbols(name: str, world: World) -> Symbols:
     """How a world is described to preconditions and recoveries (chapter 4).
 

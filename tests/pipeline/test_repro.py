@@ -15,6 +15,7 @@ from tests.pipeline.conftest import environment
 STAGES = {
     "domains": ("collect", "fit_transfer", "plan", "evaluate_team"),
     "worlds": ("discover", "cluster"),
+    "recovery_worlds": ("fit_preconditions", "learn_recoveries"),
 }
 
 

@@ -18,6 +18,7 @@ PRESETS = sorted(path.stem for path in (ROOT / "conf" / "experiment").glob("*.ya
 DOMAINS = sorted(path.stem for path in (ROOT / "conf" / "domain").glob("*.yaml"))
 STAGES = config.WORLD_STAGES
 WORLDS = sorted(path.stem for path in (ROOT / "conf" / "world").glob("*.yaml"))
+DOORS = [world for world in WORLDS if world.startswith("door")]  # the worlds that have symbols
 
 
 def configure(out, *words):
@@ -37,11 +38,13 @@ def written(tmp_path_factory):
 
 @pytest.mark.parametrize("preset", PRESETS)
 def test_every_preset_configures_every_stage_of_every_item(tmp_path, preset):
-    configure(tmp_path, f"preset={preset}", f"domains=[{','.join(DOMAINS)}]", f"worlds=[{','.join(WORLDS)}]")
+    worlds, doors = f"worlds=[{','.join(WORLDS)}]", f"recovery_worlds=[{','.join(DOORS)}]"
+    configure(tmp_path, f"preset={preset}", f"domains=[{','.join(DOMAINS)}]", worlds, doors)
     items = {path.relative_to(tmp_path).as_posix() for path in tmp_path.glob("*/*.yaml")}
     of_domains = {f"{domain}/{stage}.yaml" for domain in DOMAINS for stage in config.DOMAIN_STAGES}
     of_worlds = {f"{world}/{stage}.yaml" for world in WORLDS for stage in config.WORLD_STAGES}
-    assert items == of_domains | of_worlds | {"report/report.yaml"}
+    of_doors = {f"{door}/{stage}.yaml" for door in DOORS for stage in config.RECOVERY_STAGES}
+    assert items == of_domains | of_worlds | of_doors | {"report/report.yaml"}
     for path in tmp_path.glob("*/*.yaml"):
         content = yaml.safe_load(path.read_text())
         assert "${" not in path.read_text()
@@ -61,13 +64,23 @@ def test_a_variant_of_a_world_has_folders_of_its_own(tmp_path):
     """A file of `conf/world` is an item; every stage of it reads and writes under the item's name."""
     written = {}
     for item in WORLDS:
-        configure(tmp_path, "domains=[lego]", f"worlds=[{item}]")
+        configure(tmp_path, "domains=[lego]", f"worlds=[{item}]", "recovery_worlds=[]")
         written[item] = {stage: yaml.safe_load((tmp_path / item / f"{stage}.yaml").read_text()) for stage in STAGES}
     for item, stages in written.items():
         assert stages["discover"]["item"] == item
         assert stages["cluster"]["failures"] == f"data/discover/{item}/failures_train.npz"
         assert stages["cluster"]["held_out"] == f"data/discover/{item}/failures_held_out.npz"
         assert stages["cluster"]["world"] == stages["discover"]["world"]
+
+
+def test_recoveries_are_learnt_from_the_items_own_files(tmp_path):
+    configure(tmp_path, "domains=[lego]", "worlds=[door,door_handle2]", "recovery_worlds=[door_handle2]")
+    assert not (tmp_path / "door" / "learn_recoveries.yaml").exists()
+    learn = yaml.safe_load((tmp_path / "door_handle2" / "learn_recoveries.yaml").read_text())
+    assert learn["preconditions"] == "data/fit_preconditions/door_handle2/preconditions.npz"
+    assert learn["modes"] == "data/cluster/door_handle2/modes.npz"
+    assert learn["failures"] == "data/discover/door_handle2/failures_train.npz"
+    assert learn["held_out"] == "data/discover/door_handle2/failures_held_out.npz"
 
 
 @pytest.mark.parametrize(
@@ -79,6 +92,9 @@ def test_a_variant_of_a_world_has_folders_of_its_own(tmp_path):
         ("domains=[lego,lego]", "none twice"),
         ("worlds=[door,door]", "none twice"),
         ("worlds=[doors]", "doors"),
+        ("worlds=[shelf]", "recovery_worlds names door; worlds has: shelf"),
+        ("recovery_worlds=[door,door]", "recovery_worlds names a world twice"),
+        ("recovery_worlds=[shelf]", "world.name: given 'shelf'; no symbols, so no skill graph; worlds that have: door"),
         ("+overrides.discover=['strategy=optimistic']", "strategy: given 'optimistic'"),
         ("+overrides.cluster=['video.width=33']", "video.width: given '33'"),
         ("+overrides.plan=['gap=-1']", "gap: given '-1'"),

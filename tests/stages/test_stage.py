@@ -185,9 +185,12 @@ NEEDS = {
     "discover": {"mujoco"},
     "watch": {"mujoco"},
     "config": set(),
+    "fit_preconditions": {"mujoco", "matplotlib"},
     "fit_transfer": {"torch", "matplotlib"},
+    "learn_recoveries": {"mujoco", "matplotlib"},
     "plan": set(),
     "evaluate_chains": {"mujoco", "torch", "matplotlib"},
+    "evaluate_recoveries": {"mujoco", "matplotlib"},
     "evaluate_team": {"mujoco"},
     "report": {"matplotlib", "mujoco"},  # the environments are drawn from the worlds themselves
 }

@@ -18,8 +18,10 @@ from p2l.evaluation.style import plain
 from p2l.preconditions.calibration import reliability
 from p2l.preconditions.chaining import Chaining, ChainingOptions, Samples, fit_one
 from p2l.preconditions.classifier import PreconditionClassifier
-from p2l.records import BoolArray
+from p2l.records import BoolArray, IntArray
 from p2l.seeding import generator
+
+CLOSE = 0.75  # of all training samples: counts above are not told apart from all
 
 
 def score_table(found: Chaining) -> pd.DataFrame:
@@ -67,33 +69,27 @@ def calibration_table(found: Chaining, bins: int = 8) -> pd.DataFrame:
 def sample_curve(
     found: Chaining, options: ChainingOptions, counts: Sequence[int], seed: int, draws: int = 3
 ) -> pd.DataFrame:
-    """Accuracy against the number of training samples: `skill, samples, draw, accuracy`.
+    """Accuracy against the number of training samples: `skill, samples, draw, accuracy`; the last is all of them.
 
-    Labels are those of all samples; only the last step, fitting a skill's classifier, is repeated with fewer.
+    Labels are those of all samples, and the good starts stay; only the last step, fitting a skill's classifier, is
+    repeated with fewer samples.
     """
     rows = []
     record = found.preconditions
-    for index, (name, samples) in enumerate(zip(record.names, found.samples, strict=True)):
-        test = samples.held_out
-        for count in counts:
+    for index, (name, samples, good) in enumerate(zip(record.names, found.samples, found.good, strict=True)):
+        test, train = samples.held_out, np.flatnonzero(~samples.held_out)
+        for count in (*(count for count in counts if count <= CLOSE * len(train)), len(train)):
             for draw in range(draws):
                 rng = generator(seed, "preconditions", "curve", index, count, draw)
-                fewer = _first(samples, count, rng)
-                if fewer is None:
-                    continue
-                skill = fit_one(record.skills[index].feature_names, fewer, samples.states[:0], options, rng)
+                skill = fit_one(
+                    record.skills[index].feature_names, _some(samples, train, count, rng), good, options, rng
+                )
                 rows.append((name, count, draw, _accuracy(skill, samples, test)))
     return pd.DataFrame(rows, columns=["skill", "samples", "draw", "accuracy"])
 
 
-def _first(samples: Samples, count: int, rng: np.random.Generator) -> Samples | None:
-    """`count` of the training samples, or None where there are fewer, or fewer than two good ones among them."""
-    train = np.flatnonzero(~samples.held_out)
-    if len(train) < count:
-        return None
+def _some(samples: Samples, train: IntArray, count: int, rng: np.random.Generator) -> Samples:
     kept = rng.permutation(train)[:count]
-    if samples.labels[kept].sum() < 2:
-        return None
     return replace(samples, **{name: getattr(samples, name)[kept] for name in Samples.__dataclass_fields__})
 
 
@@ -113,16 +109,18 @@ def precondition_figure(scores: pd.DataFrame, calibration: pd.DataFrame, curve: 
         spread = np.vstack([mine["rate"] - mine["low"], mine["high"] - mine["rate"]]).clip(min=0.0)
         above.errorbar(mine["mean_p"], mine["rate"], yerr=spread, fmt="o-", color="#0072B2", capsize=2)
         said = scores[scores["skill"] == name].set_index("metric")["value"]
-        above.set(xlim=(-0.03, 1.03), ylim=(-0.03, 1.03), xlabel="predicted probability", title=name.replace("_", " "))
-        told = f"accuracy {said['accuracy']:.2f}\nprecision {said['precision']:.2f}\nrecall {said['recall']:.2f}"
-        above.text(0.97, 0.05, told, ha="right", fontsize=9)
+        told = ", ".join(f"{metric} {said[metric]:.2f}" for metric in ("accuracy", "precision", "recall"))
+        above.set(xlim=(-0.03, 1.03), ylim=(-0.03, 1.03), xlabel="predicted probability")
+        above.set_title(f"{name.replace('_', ' ')}\n{told}", fontsize=9)
         grown = curve[curve["skill"] == name].groupby("samples")["accuracy"]
         below.plot(grown.mean().index, grown.mean(), "o-", color="#0072B2")
         below.fill_between(grown.min().index, grown.min(), grown.max(), color="#0072B2", alpha=0.2, lw=0)
-        below.set(xscale="log", xlabel="training samples")
+        below.set(xscale="log", xlabel="training samples (band: 3 draws)")
+        below.set_xticks(grown.mean().index, [str(count) for count in grown.mean().index], fontsize=8)
+        below.minorticks_off()
         for each in (above, below):
             plain(each)
     axes[0, 0].set_ylabel("success rate (95 % Wilson)")
-    axes[1, 0].set_ylabel("accuracy on held-out samples")
+    axes[1, 0].set_ylabel("share of held-out samples\nclassified rightly")
     figure.suptitle(title)
     return figure

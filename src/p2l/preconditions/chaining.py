@@ -89,12 +89,14 @@ class Chaining:
     Attributes:
         preconditions: the record.
         samples: K, in the order of the skills.
+        good: K sets of states [·, D] from which successful nominal executions started each skill, the S_i⁺.
         trajectories: nominal executions, and
         successful: those that reached the goal.
     """
 
     preconditions: Preconditions
     samples: tuple[Samples, ...]
+    good: tuple[Array, ...]
     trajectories: int
     successful: int
 
@@ -143,7 +145,7 @@ def chain_preconditions(
     last = tried[-1]
     goal = _density(np.concatenate([last.ends[last.labels], good[-1]]), last.ends, options.regularisation)
     record = Preconditions(world.name, world.digest, names, tuple(skills), goal, rates)
-    return Chaining(record, tuple(tried), len(starts), successful)
+    return Chaining(record, tuple(tried), tuple(good[:-1]), len(starts), successful)
 
 
 def _good(world: World, symbols: Symbols, nominal: Sequence[Option], starts: Rows) -> tuple[list[Array], int]:

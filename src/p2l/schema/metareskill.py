@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from pydantic import Field, model_validator
 
 from p2l.schema.base import Count, NotNegative, Positive, Probability, Section
-from p2l.schema.recovery import WorldStageConfig
+from p2l.schema.recovery import DescribedWorldConfig, WorldStageConfig
 
 Share = Annotated[float, Field(gt=0, lt=1)]
 Steps = Annotated[tuple[Annotated[int, Field(ge=0)], ...], Field(min_length=3, max_length=3)]
@@ -33,6 +33,7 @@ class VicinityConfig(Section):
 class FitPreconditionsConfig(WorldStageConfig):
     """Stage `fit_preconditions`: Algorithm 2; see `p2l.preconditions.chaining.ChainingOptions`."""
 
+    world: DescribedWorldConfig
     trajectories: Annotated[int, Field(ge=4)]
     samples: Annotated[int, Field(ge=8)]
     components: Count
@@ -81,6 +82,7 @@ class RewardsConfig(Section):
 class RecoveryFilesConfig(WorldStageConfig):
     """A stage that works on failures, their modes and the preconditions."""
 
+    world: DescribedWorldConfig
     preconditions: Path
     modes: Path
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Field
 
 from p2l.failures.strategy import Strategy
-from p2l.registry import known_worlds
+from p2l.registry import described_worlds, known_worlds
 from p2l.schema.base import Count, NotNegative, Positive, Section, StageConfig
 from p2l.worlds.estimator import Mode
 
@@ -23,11 +23,24 @@ def known_world(name: str) -> str:
     return name
 
 
+def described_world(name: str) -> str:
+    """Refuse a world that has no skill graph."""
+    if name not in described_worlds():
+        raise ValueError(f"no symbols, so no skill graph; worlds that have: {', '.join(described_worlds())}")
+    return name
+
+
 class WorldConfig(Section):
     """A registered manipulation world; `params` go to its constructor, which refuses those it does not know."""
 
     name: Annotated[str, AfterValidator(known_world)]
     params: dict[str, Any] = Field(default_factory=dict)
+
+
+class DescribedWorldConfig(WorldConfig):
+    """A registered world that has symbols, so a skill graph (chapter 4)."""
+
+    name: Annotated[str, AfterValidator(known_world), AfterValidator(described_world)]
 
 
 class WorldStageConfig(StageConfig):
