@@ -9,7 +9,9 @@ kinematics would not hold it as a hand does that closed there. So states are rea
 2. *Moved*: any moment of such an execution, failed or not, from which the hand goes straight to a state drawn from
    D_i⁺ plus a displacement, the fingers as there all the way, or opened first. This gives the negatives near the
    boundary, and it is how a recovery arrives. The displacement is normal, of up to `spread` times what counts as far
-   for the world's columns (`Symbols.far`): good starts may hardly vary in a direction in which much is allowed.
+   for the world's columns (`Symbols.far`): good starts may hardly vary in a direction in which much is allowed. A hand
+   that something kept farther than `arrival_m` from where it was sent is in no vicinity, and the sample is left out:
+   else D⁺ would stretch to wherever hands get stuck, and failures there would be taken for good starts.
 
 Axis letters: N rows, K skills.
 """
@@ -40,17 +42,20 @@ class Vicinity:
         noise: largest multiple of the estimator's error in the executions that samples come from.
         spread: largest displacement of good starts, in multiples of `Symbols.far` (one standard deviation).
         moved: share of samples that are moved, in [0, 1].
+        arrival_m: how far from where it was sent a hand may end.
     """
 
     noise: float = 2.0
     spread: float = 1.0
     moved: float = 0.5
+    arrival_m: float = 0.03
 
     def __post_init__(self) -> None:
-        if not (0.0 < self.noise < np.inf and 0.0 < self.spread < np.inf and 0.0 <= self.moved <= 1.0):
+        positive = all(0.0 < value < np.inf for value in (self.noise, self.spread, self.arrival_m))
+        if not (positive and 0.0 <= self.moved <= 1.0):
             raise ConfigError(
-                f"vicinity: noise {self.noise}, spread {self.spread}, moved {self.moved} given; "
-                "expected two positive numbers and a share in [0, 1]"
+                f"vicinity: noise {self.noise}, spread {self.spread}, arrival_m {self.arrival_m}, moved {self.moved} "
+                "given; expected three positive numbers and a share in [0, 1]"
             )
 
 
@@ -88,7 +93,9 @@ def sample(
     timing: Timing,
     rng: np.random.Generator,
 ) -> tuple[Rows, BoolArray]:
-    """About `count` rows around the starts of `skill` (a diverged one is left out), and which of them were moved.
+    """At most `count` rows around the starts of `skill`, and which of them were moved.
+
+    One that diverges, or does not arrive, is left out.
 
     Args:
         world: where.
@@ -110,8 +117,10 @@ def sample(
     width = vicinity.spread * rng.random((moved, 1)) * symbols.far
     wanted = wanted + width * rng.standard_normal(wanted.shape)
     seen, closed = world.observe(before), symbols.closed(wanted)
-    parameters = straight(seen, *symbols.hand(seen, wanted), closed).reshape(moved, WAYPOINTS, 7)
+    pos, quat = symbols.hand(seen, wanted)
+    parameters = straight(seen, pos, quat, closed).reshape(moved, WAYPOINTS, 7)
     parameters[rng.random(moved) < 0.5, : WAYPOINTS - 1, 6] = -1.0
     arrivals = execute(world, before, parameters.reshape(moved, -1), timing)
-    sound = arrivals.last.take(~arrivals.diverged)
+    away_m = np.linalg.norm(world.privileged(arrivals.last)["grip_pos_m"] - pos, axis=1)
+    sound = arrivals.last.take((away_m <= vicinity.arrival_m) & ~arrivals.diverged)
     return Rows.join([reached, sound]), np.repeat([False, True], [len(reached), len(sound)])

@@ -5,11 +5,21 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import Field, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
-from p2l.schema.base import Count, NotNegative, Positive, Probability, Section
+from p2l.recoveries.strategies import STRATEGIES
+from p2l.schema.base import Count, Positive, Probability, Section
 from p2l.schema.recovery import DescribedWorldConfig, WorldStageConfig
 
+
+def known_strategy(name: str) -> str:
+    """Refuse a strategy that does not exist."""
+    if name not in STRATEGIES:
+        raise ValueError(f"unknown strategy; allowed: {', '.join(STRATEGIES)}")
+    return name
+
+
+Strategy = Annotated[str, AfterValidator(known_strategy)]
 Share = Annotated[float, Field(gt=0, lt=1)]
 Steps = Annotated[tuple[Annotated[int, Field(ge=0)], ...], Field(min_length=3, max_length=3)]
 Seeds = Annotated[tuple[Annotated[int, Field(ge=0, lt=2**32)], ...], Field(min_length=1)]
@@ -28,6 +38,7 @@ class VicinityConfig(Section):
     noise: Positive
     spread: Positive
     moved: Probability
+    arrival_m: Positive
 
 
 class FitPreconditionsConfig(WorldStageConfig):
@@ -90,11 +101,13 @@ class RecoveryFilesConfig(WorldStageConfig):
 class LearnRecoveriesConfig(RecoveryFilesConfig):
     """Stage `learn_recoveries`: which recovery to train next, by each of `compare` (names in `choosers`).
 
-    The first one's skills are kept. `seeds` are of training, drawn apart from the stage's own.
+    The first one's skills are kept. `seeds` are of training, drawn apart from the stage's own. `records` is where
+    ledgers and histories are kept so that another machine goes on from them; null keeps them beside the results.
     """
 
     failures: Path
     held_out: Path
+    records: Path | None = None
     choosers: Annotated[dict[str, ChooserConfig], Field(min_length=1)]
     compare: Annotated[tuple[str, ...], Field(min_length=1)]
     seeds: Seeds
@@ -120,18 +133,35 @@ class LearnRecoveriesConfig(RecoveryFilesConfig):
 
 
 class EvaluateRecoveriesConfig(RecoveryFilesConfig):
-    """Stage `evaluate_recoveries`: tables 4.1 and 4.2."""
+    """Stage `evaluate_recoveries`: tables 4.1 and 4.2, figures 4.6 and 4.7.
 
-    recoveries: Path
-    strategies: Annotated[tuple[str, ...], Field(min_length=1)]
+    `learnt` is the folder of `learn_recoveries`. `handles` are doors of table 4.2, the first one that of training;
+    `robosuite_episodes` are run for each seed of `robosuite_seeds`, one row at a time, and none where there is no seed.
+    """
+
+    learnt: Path
+    thesis: Path
+    records: Path | None
+    seeds: Seeds
+    strategies: Annotated[tuple[Strategy, ...], Field(min_length=1)]
     episodes: Count
     handles: tuple[str, ...]
     handle_episodes: Count
+    robosuite_seeds: tuple[Annotated[int, Field(ge=0, lt=2**32)], ...]
+    robosuite_episodes: Count
     max_options: Count
     slots: Count
-    sigma_m: NotNegative
 
     @property
     def method(self) -> str:
         """All strategies are compared."""
         return "strategies"
+
+    @model_validator(mode="after")
+    def _known(self) -> EvaluateRecoveriesConfig:
+        if unknown := sorted(set(self.robosuite_seeds) - set(self.seeds)):
+            raise ValueError(f"robosuite_seeds names {unknown}, which are not among seeds")
+        for name in ("seeds", "strategies", "handles", "robosuite_seeds"):
+            if len(set(getattr(self, name))) < len(getattr(self, name)):
+                raise ValueError(f"{name} names something twice")
+        return self
