@@ -63,13 +63,14 @@ def scene_of(world: World) -> Scene:
     return world.scenes[0]
 
 
-def environment(world: World, scene: Scene, gains: Gains) -> Any:
+def environment(world: World, scene: Scene, gains: Gains, *, objects: bool = False) -> Any:
     """The robosuite environment of a world's task.
 
     Args:
         world: whose task is meant.
         scene: of the world, see `scene_of`.
         gains: of OSC_POSE.
+        objects: whether robosuite observes objects at each control step, which is its default.
 
     Raises:
         ConfigError: the scene is a variant that robosuite does not have: another arm, or a part of another size.
@@ -98,7 +99,7 @@ def environment(world: World, scene: Scene, gains: Gains) -> Any:
             has_renderer=False,
             has_offscreen_renderer=False,
             use_camera_obs=False,
-            use_object_obs=False,
+            use_object_obs=objects,
             **(shelf.settings(world) if isinstance(world, Shelf) else {}),
         )
     if other := _differences(made.sim.model, scene.drawn):

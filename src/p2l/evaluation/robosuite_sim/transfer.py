@@ -107,12 +107,13 @@ class TransferWorld:
         return self._world.drawn(model)
 
 
-def make(world: World, *, tuning: Tuning | Gains = "matched") -> TransferWorld:
+def make(world: World, *, tuning: Tuning | Gains = "matched", objects: bool = False) -> TransferWorld:
     """An environment of robosuite behind the contract of a world.
 
     Args:
         world: with robosuite's task, the Panda, and no variation that robosuite's own scene does not have; or a shelf.
         tuning: of OSC_POSE, `matched` to the impedance of the world's skills, robosuite's `own`, or these gains.
+        objects: whether robosuite observes objects too; nothing here reads that, it costs what its users pay.
 
     Raises:
         ConfigError: there is no such task in robosuite, or the world is a variant that it does not have.
@@ -124,7 +125,7 @@ def make(world: World, *, tuning: Tuning | Gains = "matched") -> TransferWorld:
         gains = matched(scene, world.engine.qpos(world.sample(np.random.default_rng(0), 1).states)[0])
     else:
         gains = tuning if isinstance(tuning, Gains) else Gains()
-    return TransferWorld(world, RobosuiteEngine(environment(world, scene, gains), world.engine, scene))
+    return TransferWorld(world, RobosuiteEngine(environment(world, scene, gains, objects=objects), world.engine, scene))
 
 
 def execute(
