@@ -22,7 +22,7 @@ from stages._stage import stage
 
 DOMAIN_STAGES = ("collect", "fit_transfer", "plan", "evaluate_team")
 WORLD_STAGES = ("discover", "cluster")
-RECOVERY_STAGES = ("fit_preconditions", "learn_recoveries")
+RECOVERY_STAGES = ("fit_preconditions", "learn_recoveries", "evaluate_recoveries")
 STAGES = (*DOMAIN_STAGES, *WORLD_STAGES, *RECOVERY_STAGES, "report")
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from p2l.artifacts import save_arrays
 from p2l.evaluation.recovery_report import learning_report
-from p2l.recoveries.learn import Setting, train_recoveries
+from p2l.recoveries.learn import Setting, record_history, train_recoveries
 from p2l.recoveries.metareskill.choose import Chooser, get_chooser
 from p2l.recoveries.metareskill.history import History
 from p2l.recoveries.record import collect, save_recoveries
@@ -24,14 +24,16 @@ from stages._stage import stage
 def run(cfg: LearnRecoveriesConfig, out: Path, track: Tracker) -> None:
     """Train with every chooser and seed; keep the first chooser's skills, all rounds, and figures 4.6 and 4.7."""
     choosers = {name: get_chooser(cfg.choosers[name].name, cfg.choosers[name].params) for name in cfg.compare}
-    setting = open_setting(cfg)
+    setting, records = open_setting(cfg), cfg.records or out / "records"
     histories: dict[tuple[int, str], History] = {}
     with counter(f"learn {cfg.item}", "round", cfg.rounds * len(choosers) * len(cfg.seeds)) as show:
         for seed in cfg.seeds:
-            trainer = setting.trainer(seed, out / f"ledger_s{seed}.npz")
+            trainer = setting.trainer(seed, records / f"{cfg.item}-ledger-s{seed}.npz")
             for name, chooser in choosers.items():
                 with child(track, cfg, "learn_recoveries", name, seed, out / "runs" / f"s{seed}" / name) as told:
                     histories[seed, name] = _learn(cfg, setting, trainer, chooser, told, show)
+                settings = {"rounds": cfg.rounds, "episodes": cfg.episodes, **cfg.choosers[name].model_dump()}
+                record_history(records, cfg.item, trainer, name, histories[seed, name], settings)
             kept = histories[seed, cfg.compare[0]]
             save_recoveries(out / "recoveries" / f"s{seed}.npz", collect(trainer, setting.modes, setting.graph, kept))
             save_arrays(out / "histories" / f"s{seed}.npz", kept.arrays(), schema="recovery_history", version=1)

@@ -15,7 +15,7 @@ from tests.pipeline.conftest import environment
 STAGES = {
     "domains": ("collect", "fit_transfer", "plan", "evaluate_team"),
     "worlds": ("discover", "cluster"),
-    "recovery_worlds": ("fit_preconditions", "learn_recoveries"),
+    "recovery_worlds": ("fit_preconditions", "learn_recoveries", "evaluate_recoveries"),
 }
 
 

@@ -5,16 +5,18 @@ Axis letters: N failures, I modes, M targets.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from p2l.artifacts import config_hash
+from p2l.artifacts import config_hash, finite
 from p2l.errors import ArtifactError
 from p2l.failures.classifier import ModeClassifier
 from p2l.failures.record import Failures
+from p2l.ledger import Item, write
 from p2l.recoveries.ledger import Ledger
 from p2l.recoveries.metareskill.choose import Chooser
 from p2l.recoveries.metareskill.graph import SkillGraph
@@ -116,3 +118,27 @@ def train_recoveries(
         if report is not None:
             report(history)
     return history
+
+
+def record_history(
+    records: Path, item: str, trainer: Trainer, chooser: str, history: History, settings: Mapping[str, Any]
+) -> None:
+    """Leave a chooser's rounds among the records of finished items, by column, with the wall time of its queries.
+
+    Args:
+        records: folder.
+        item: what was trained, for the name of the record.
+        trainer: of one seed; its ledger holds the queries, and from them this record is made again in no time.
+        chooser: whose rounds.
+        history: the rounds.
+        settings: of the chooser and of the loop; `episodes`, the trainings of a round, among them.
+    """
+    counts = history.trained * int(settings["episodes"])
+    used = [entry for (*pair, number), entry in trainer.ledger.entries.items() if number < counts[tuple(pair)]]
+    plain = {name: [getattr(each, name) for each in history.rounds] for name in ("mode", "target", "trials", "solved")}
+    numbers = {
+        name: [finite(float(f"{getattr(each, name):.6g}")) for each in history.rounds]
+        for name in ("q", "q_upper", "predicted", "value")
+    }
+    made = Item(item, chooser, trainer.seed, 0, config_hash([trainer.ledger.identity, dict(settings)]))
+    write(records, made, {"rounds": plain | numbers}, seconds=sum(entry.seconds for entry in used))

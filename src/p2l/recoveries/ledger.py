@@ -9,6 +9,7 @@ Axis letters: T entries, U updates of a query, P parameters.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,6 +21,7 @@ from p2l.errors import ArtifactError
 from p2l.records import Array, freeze
 from p2l.skills.relative import SIZE
 
+log = logging.getLogger(__name__)
 SCHEMA, VERSION = "recovery_ledger", 1
 Key = tuple[int, int, int]
 _NUMBERS = ("failure", "solved", "rollouts", "q", "trials", "seconds")
@@ -70,14 +72,16 @@ class Ledger:
 
     @classmethod
     def open(cls, path: Path, identity: str) -> Ledger:
-        """The ledger at `path`, empty where there is none or where it is of other data, settings or seed."""
+        """The ledger at `path`, empty where there is none or, with a warning, where it cannot go on."""
         if not path.is_file():
             return cls(identity, path)
         try:
             arrays = load_arrays(path, schema=SCHEMA, version=VERSION)
-        except ArtifactError:
+        except ArtifactError as error:
+            log.warning("%s; training begins anew", error)
             return cls(identity, path)
         if str(arrays["identity"]) != identity:
+            log.warning("%s: is of other failures, preconditions, settings or another seed; training begins anew", path)
             return cls(identity, path)
         return cls(identity, path, _entries(arrays))
 

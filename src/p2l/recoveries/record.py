@@ -65,6 +65,17 @@ def preconditions_hash(preconditions: Preconditions) -> str:
     return config_hash([*told, *numbers])
 
 
+def recoveries_hash(recoveries: Recoveries) -> str:
+    """Identifies learnt recoveries by what they do and how good they are taken to be."""
+    skills = {
+        f"{mode}.{target}.{key}": value.tolist()
+        for (mode, target), skill in recoveries.skills.items()
+        for key, value in skill.arrays().items()
+    }
+    graph = {key: value.tolist() for key, value in recoveries.graph.arrays().items()}
+    return config_hash([recoveries.preconditions, recoveries.modes, asdict(recoveries.timing), graph, skills])
+
+
 def collect(trainer: Trainer, modes: ModeClassifier, graph: SkillGraph, history: History) -> Recoveries:
     """The best skills of a training that is over."""
     preconditions = trainer.task.preconditions

@@ -1,0 +1,151 @@
+"""Strategies, decided by hand on the small push world: what follows which moment, and how skills are counted."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+
+from p2l.errors import ArtifactError, ConfigError
+from p2l.evaluation.recovery_episodes import Book, Place, episodes
+from p2l.recoveries.record import load_recoveries, save_recoveries
+from p2l.recoveries.strategies import STRATEGIES, playbook
+from p2l.skills.chain import FINISH, Moments
+from tests.recoveries import pushing_back as pb
+
+ALIGN, PUSH = 0, 1
+BEST = [[0.9, 0.2, 0.0], [0.0, 0.9, 0.0]]  # mode 0 recovers to align, mode 1 to push
+
+
+def moments(rows, option, actions):
+    count = len(rows)
+    rows.actions[:] = actions
+    zeros = np.zeros(count, dtype=np.int64)
+    return Moments(np.arange(count), rows, np.full(count, option), zeros, zeros - 1, zeros, zeros, np.zeros(count))
+
+
+@pytest.fixture(scope="module")
+def made():
+    world, task, nominal = pb.setting(estimator="exact")
+    classifier = pb.modes(world)
+    return world, task, nominal, classifier, pb.recoveries(task, classifier, BEST)
+
+
+def book(made, strategy, **changes):
+    _, task, nominal, classifier, learnt = made
+    known = {"modes": classifier, "skills": learnt.skills} | changes
+    return playbook(strategy, task, nominal, learnt.graph, learnt.timing, np.random.default_rng(0), **known)
+
+
+def test_where_a_precondition_holds_all_but_open_loop_take_the_most_valuable_skill(made):
+    rows = pb.standing(made[0], [-0.08, -0.08], [0.0, 0.03])  # push may start; only align may
+    for strategy in STRATEGIES[:-1]:
+        assert_array_equal(book(made, strategy).choose(moments(rows, ALIGN, 1)), [PUSH, ALIGN])
+    assert_array_equal(book(made, "open_loop").choose(moments(rows, ALIGN, 1)), [PUSH, PUSH])
+
+
+@pytest.mark.parametrize(
+    ("strategy", "after_align", "after_push"),
+    [
+        ("retry", "align", "push"),
+        ("to_previous", "to_align", "to_push"),
+        ("to_start", "to_align", "to_align"),
+        ("no_recovery", None, None),
+    ],
+)
+def test_where_none_holds_a_heuristic_follows(made, strategy, after_align, after_push):
+    found = book(made, strategy)
+    names = [option.name for option in found.options]
+    for last, expected in ((ALIGN, after_align), (PUSH, after_push)):
+        [chosen] = found.choose(moments(pb.standing(made[0], 0.12, 0.08), last, 2))
+        assert (names[chosen] if chosen != FINISH else None) == expected
+    # After a motion back the skill it was meant for is still the last one.
+    if strategy in ("to_previous", "to_start"):
+        moved = names.index(after_push)
+        assert_array_equal(found.choose(moments(pb.standing(made[0], 0.12, 0.08), moved, 3)), [moved])
+
+
+def test_a_learnt_recovery_is_that_of_the_mode_with_the_best_value(made):
+    found = book(made, "recoveries")
+    chosen = found.choose(moments(pb.standing(made[0], [0.12, 0.12], [0.08, -0.08]), PUSH, 2))
+    assert [found.options[index].name for index in chosen] == ["recovery_0_align", "recovery_1_push"]
+
+
+def test_an_episode_ends_when_the_task_is_done_or_ten_skills_were_executed(made):
+    done, lost = pb.standing(made[0], 0.12, 0.0, done=True), pb.standing(made[0], 0.12, 0.08)
+    for strategy in STRATEGIES[:-1]:
+        assert_array_equal(book(made, strategy).choose(moments(done, PUSH, 2)), [FINISH])
+        assert_array_equal(book(made, strategy).choose(moments(lost, PUSH, 10)), [FINISH])
+    assert book(made, "retry").choose(moments(lost, PUSH, 9))[0] == PUSH
+
+
+def test_where_no_recovery_is_feasible_learnt_recoveries_are_none(made):
+    world, task, nominal, classifier, _ = made
+    nothing = pb.recoveries(task, classifier, np.zeros((2, 3)))
+    rng = np.random.default_rng(0)
+    found = playbook(
+        "recoveries", task, nominal, nothing.graph, pb.TIMING, rng, modes=classifier, skills=nothing.skills
+    )
+    assert found.options == nominal
+    assert_array_equal(found.choose(moments(pb.standing(world, 0.12, 0.08), PUSH, 2)), [FINISH])
+
+
+def test_unknown_strategies_and_missing_skills_are_refused(made):
+    with pytest.raises(ConfigError, match="known: recoveries, retry"):
+        book(made, "pray")
+    with pytest.raises(ConfigError, match="needs failure modes"):
+        book(made, "recoveries", skills=None)
+
+
+def test_recoveries_of_another_cluster_file_or_world_are_refused(made, tmp_path):
+    world, task, _, classifier, learnt = made
+    path = tmp_path / "recoveries.npz"
+    save_recoveries(path, learnt)
+    assert load_recoveries(path, world, task.preconditions, classifier).skills.keys() == learnt.skills.keys()
+    other = type(classifier)(**{**vars(classifier), "weights": np.array([0.9, 0.1])})
+    with pytest.raises(ArtifactError, match="learnt with another modes"):
+        load_recoveries(path, world, task.preconditions, other)
+    with pytest.raises(ArtifactError, match="another digest"):
+        load_recoveries(path, pb.setting(sigma_m=0.02)[0], task.preconditions, classifier)
+
+
+@pytest.fixture(scope="module")
+def ran(tmp_path_factory):
+    world, task, nominal = pb.setting()
+    classifier = pb.modes(world)
+    place = Place("push_back", "", world, task, nominal, episodes=12, slots=12)
+    records = Book(tmp_path_factory.mktemp("records"), "", seed=5, max_options=4)
+
+    def all_of(seed=0, q=BEST):
+        learnt = pb.recoveries(task, classifier, q)
+        return {name: episodes(records, place, name, seed, classifier, learnt) for name in STRATEGIES}
+
+    return records, all_of
+
+
+def test_episodes_are_counted_alike_and_start_alike(ran):
+    _, all_of = ran
+    found = all_of()
+    for name, table in found.items():
+        assert not table["diverged"].any(), name
+        assert ((table["path_m"] > 0.0) & (table["options"] >= 1) & (table["options"] <= 4)).all(), name
+        assert (table["recoveries"] <= table["options"]).all(), name
+    assert (found["open_loop"]["options"] == 2).all()
+    for name in ("open_loop", "no_recovery", "retry"):
+        assert (found[name]["recoveries"] == 0).all()
+    # Until no precondition holds, strategies agree; where it never comes to that, they do to the end.
+    same = found["recoveries"]["recoveries"] == 0
+    for column in ("success", "path_m", "options"):
+        kept = same & (found["no_recovery"]["success"] | (found["no_recovery"]["options"] == 4))
+        assert_array_equal(found["recoveries"][column][kept], found["no_recovery"][column][kept])
+    assert found["no_recovery"]["success"].any()
+    assert (found["recoveries"]["recoveries"] > 0).any()
+
+
+def test_a_recorded_item_is_not_run_again_and_heuristics_do_not_depend_on_what_was_learnt(ran):
+    records, all_of = ran
+    first = all_of(seed=1)
+    before = {path.name: path.stat().st_mtime_ns for path in records.records.iterdir()}
+    again = all_of(seed=1, q=[[0.9, 0.3, 0.0], [0.0, 0.9, 0.0]])
+    after = {path.name: path.stat().st_mtime_ns for path in records.records.iterdir()}
+    assert [name for name in before if before[name] != after[name]] == ["push_back-recoveries-s1-b0.json"]
+    for name, table in first.items():
+        assert table.equals(again[name])
