@@ -8,9 +8,9 @@ Three rates in physics steps per second, measured in turns in one run (the machi
 is the median over the rounds):
 
   ours        nominal chains over a batch of rows, observations, options and detectors included
-  robosuite   robosuite's environment and OSC_POSE controller, one process, 20 Hz, objects observed, no cameras, replaying
-              the actions of nominal episodes there, contacts included: its own Door and PickPlaceBread; for the
-              shelves, which it lacks, `PlaceOnShelf`, written as its own are (`p2l.evaluation.robosuite_sim.shelf`)
+  robosuite   robosuite's environment and OSC_POSE controller, one process, 20 Hz, objects observed, no cameras,
+              replaying the actions of nominal episodes there, contacts included: its own Door and PickPlaceBread; for
+              the shelves, which it lacks, `PlaceOnShelf`, written as its own are (`p2l.evaluation.robosuite_sim.shelf`)
   mj_step     the commands of our own episodes replayed with `mj_step` in C on one core, the physical limit
 
 ratio_robosuite = ours / robosuite, ratio_limit = ours / (mj_step × threads). Worlds with a larger time step than
