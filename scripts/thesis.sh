@@ -2,6 +2,7 @@
 # The thesis preset, in a clone under build/, so that the working tree keeps its own preset and dvc.lock.
 # Run it again after an interruption or after new commits: DVC continues where it stopped, and finished items, which
 # land in results/thesis/ of this repository, are not run again, here or on the next machine.
+# TARGETS names DVC stages to stop at, such as evaluate_recoveries@door; then the report's tables stay as they are.
 set -euo pipefail
 shopt -s nullglob
 
@@ -27,7 +28,9 @@ if [ "$(cat "$clone/.git/thesis-head" 2> /dev/null || true)" != "$head" ]; then
 fi
 
 cd "$clone"
-dvc repro
+read -ra targets <<< "${TARGETS:-}"
+dvc repro "${targets[@]}"
+[ ${#targets[@]} -eq 0 ] || exit 0
 
 results=$root/results/thesis
 for part in tables figures; do
