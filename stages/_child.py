@@ -2,18 +2,33 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from p2l.artifacts import write_text
 from p2l.schema import StageConfig
-from p2l.tracking import RunCard, Tracker, start
+from p2l.tracking import RUN_FILE, RunCard, Tracker, start
 from stages import ROOT
+
+PARENT_FILE = "parent.json"
 
 
 @contextmanager
 def child(parent: Tracker, cfg: StageConfig, stage: str, method: str, seed: int, folder: Path) -> Iterator[Tracker]:
-    """A run below `parent`; `folder` remembers its id, so that an interrupted one is continued."""
+    """A run below `parent`; `folder` remembers its id and whose child it is.
+
+    A child that was interrupted is continued if its parent is. One that was finished under the same parent has told
+    everything: what is told again goes nowhere.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    known = _remembered(folder)
+    if parent.run_id is not None and known == {"parent": parent.run_id, "finished": True}:
+        yield Tracker()
+        return
+    if known.get("parent") != parent.run_id:
+        (folder / RUN_FILE).unlink(missing_ok=True)
     card = RunCard(
         stage=stage,
         world=cfg.subject,
@@ -24,6 +39,18 @@ def child(parent: Tracker, cfg: StageConfig, stage: str, method: str, seed: int,
         command=f"# part of the parent run: method {method}, seed {seed}",
         parent=parent.run_id,
     )
-    folder.mkdir(parents=True, exist_ok=True)
+    _remember(folder, parent.run_id, finished=False)
     with start(card, folder, ROOT, enabled=parent.run_id is not None, uri=cfg.tracking.uri) as track:
         yield track
+    _remember(folder, parent.run_id, finished=True)
+
+
+def _remembered(folder: Path) -> dict[str, object]:
+    try:
+        return dict(json.loads((folder / PARENT_FILE).read_text(encoding="utf-8")))
+    except (OSError, ValueError, TypeError):
+        return {}
+
+
+def _remember(folder: Path, parent: str | None, *, finished: bool) -> None:
+    write_text(folder / PARENT_FILE, json.dumps({"parent": parent, "finished": finished}) + "\n")

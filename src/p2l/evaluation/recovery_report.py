@@ -58,7 +58,8 @@ def learning_report(out: Path, item: str, setting: Setting, histories: Histories
     for (seed, chooser), history in histories.items():
         if chooser == first:
             graph = setting.graph.with_q(history.best)
-            figures[f"graphs/s{seed}"] = graph_figure(graph, history.trained, targets, f"{item}: seed {seed}, {chooser}")
+            told = f"{item}: seed {seed}, {chooser}"
+            figures[f"graphs/s{seed}"] = graph_figure(graph, history.trained, targets, told)
     for name, figure in figures.items():
         _save(out / f"{name}.png", figure)
     facts = _facts(setting, histories, values, compared)

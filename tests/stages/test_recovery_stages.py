@@ -1,0 +1,180 @@
+"""The stages fit_preconditions and learn_recoveries on a small push world: results, resumption, refusals."""
+
+import signal
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from mlflow import MlflowClient
+
+from p2l.artifacts import load_arrays, load_json
+from p2l.errors import ArtifactError, ConfigError
+from p2l.failures.classifier import load_modes, save_modes
+from p2l.preconditions.chained import load_preconditions, save_preconditions
+from p2l.recoveries.record import load_recoveries
+from tests.stages.recovering import ROOT, WORLD, found, learn, prepare, push_seen
+
+RESULTS = ("rounds.csv", "figure_4_6.csv", "figure_4_7.csv", "choosers.csv")
+KILL = """
+import os, signal, sys
+from pathlib import Path
+from p2l.recoveries.ledger import Ledger
+from tests.stages.recovering import learn
+
+add = Ledger.add
+def killed(self, key, entry):
+    add(self, key, entry)
+    if len(self.entries) == {after}:
+        os.kill(os.getpid(), signal.SIGKILL)
+Ledger.add = killed
+learn(Path(sys.argv[1]), Path(sys.argv[2]), store=sys.argv[3])
+"""
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """What discover, cluster and fit_preconditions left."""
+    made = tmp_path_factory.mktemp("prepared")
+    prepare(made)
+    return made
+
+
+@pytest.fixture(scope="module")
+def tracked(folder, tmp_path_factory):
+    """An uninterrupted training by two choosers and two seeds, and its store."""
+    out = tmp_path_factory.mktemp("learnt")
+    store = f"sqlite:///{out / 'runs.db'}"
+    learn(folder, out / "out", store=store, seeds=[0, 1])
+    return out / "out", store
+
+
+def test_preconditions_are_judged_on_held_out_samples(folder):
+    out = folder / "fit_preconditions"
+    preconditions = load_preconditions(out / "preconditions.npz", push_seen())
+    assert preconditions.targets == ("align", "push", "goal")
+    scores, curve = pd.read_csv(out / "scores.csv"), pd.read_csv(out / "accuracy.csv")
+    accuracy = scores[scores["metric"] == "accuracy"].set_index("skill")
+    assert ((accuracy["low"] <= accuracy["value"]) & (accuracy["value"] <= accuracy["high"])).all()
+    samples = load_arrays(out / "samples.npz", schema="precondition_samples", version=1)
+    for skill in preconditions.names:
+        tests = samples[f"{skill}.held_out"]
+        assert accuracy.loc[skill, "n"] == tests.sum()
+        mine = curve[curve["skill"] == skill]
+        assert mine["samples"].max() == (~tests).sum()
+        whole = mine.loc[mine["samples"] == mine["samples"].max(), "accuracy"]
+        assert abs(whole.mean() - accuracy.loc[skill, "value"]) < 0.1  # the last point is the fit that is kept
+    assert (out / "preconditions.png").stat().st_size > 10_000
+    assert load_json(out / "summary.json", schema="preconditions_summary", version=1)["samples"] <= 96
+
+
+def test_learning_leaves_skills_rounds_and_figures(folder, tracked):
+    out, _ = tracked
+    rounds, values = pd.read_csv(out / "rounds.csv"), pd.read_csv(out / "figure_4_7.csv")
+    assert rounds.groupby(["seed", "chooser"]).size().tolist() == [16] * 4
+    assert (values[values["queries"] == 0]["value"] == -10.0).all()
+    steady = values.sort_values("queries").groupby(["seed", "chooser"])["value"]
+    assert steady.apply(lambda curve: curve.is_monotonic_increasing).all()
+    assert values["value"].max() > -10.0  # something was learnt
+    before = rounds.groupby(["seed", "chooser", "mode", "target"]).cumcount()
+    curves = rounds.assign(before=before).groupby(["seed", "mode", "target", "before"])["q"].nunique()
+    assert (curves == 1).all()  # every chooser sees the same learning curves
+    world = push_seen()
+    files = found(folder)
+    given = load_preconditions(files["preconditions"], world), load_modes(files["modes"], world)
+    learnt = load_recoveries(out / "recoveries" / "s0.npz", world, *given)
+    kept = pd.read_csv(out / "figure_4_6.csv").query("seed == 0 and chooser == 'metareskill'")
+    np.testing.assert_allclose(learnt.graph.q.ravel(), kept["q"], atol=1e-5)
+    for name in ("figure_4_6.png", "figure_4_7.png", "graphs/s0.png", "graphs/s1.png"):
+        assert (out / name).stat().st_size > 10_000
+
+
+def test_one_parent_run_has_the_seeds_as_children(tracked):
+    _, store = tracked
+    client = MlflowClient(tracking_uri=store)
+    runs = client.search_runs([client.get_experiment_by_name("learn_recoveries").experiment_id])
+    [parent] = [each for each in runs if "mlflow.parentRunId" not in each.data.tags]
+    children = [each for each in runs if each is not parent]
+    assert {each.data.tags["mlflow.parentRunId"] for each in children} == {parent.info.run_id}
+    told = sorted((each.data.tags["seed"], each.data.tags["method"]) for each in children)
+    assert told == [(seed, chooser) for seed in "01" for chooser in ("metareskill", "round_robin")]
+    for each in children:
+        assert len(client.get_metric_history(each.info.run_id, "value")) == 16
+    assert parent.data.metrics["value/metareskill"] == pytest.approx(
+        np.mean([each.data.metrics["value"] for each in children if each.data.tags["method"] == "metareskill"])
+    )
+
+
+def test_a_killed_training_goes_on_to_the_bit_in_the_same_runs(folder, tracked, tmp_path):
+    whole, _ = tracked
+    after = 17  # queries; the first chooser asks 16, the second what the first has not asked
+    store = f"sqlite:///{tmp_path / 'runs.db'}"
+    killed = [sys.executable, "-c", KILL.format(after=after), str(folder), str(tmp_path / "out"), store]
+    done = subprocess.run(killed, cwd=ROOT, capture_output=True, text=True, timeout=300, check=False)
+    assert done.returncode == -signal.SIGKILL, done.stderr
+    client = MlflowClient(tracking_uri=store)
+    experiment = client.get_experiment_by_name("learn_recoveries").experiment_id
+    before = {each.info.run_id for each in client.search_runs([experiment])}
+    [ledger] = (tmp_path / "out").glob("**/*ledger*s0.npz")
+    kept = load_arrays(ledger, schema="recovery_ledger", version=1)["seconds"]
+    assert len(kept) == after
+    learn(folder, tmp_path / "out", store=store)
+    again = load_arrays(ledger, schema="recovery_ledger", version=1)["seconds"]
+    np.testing.assert_array_equal(again[:after], kept)  # wall times are new where a query is run again
+    for name in RESULTS[:3]:
+        mine, theirs = (pd.read_csv(out / name) for out in (tmp_path / "out", whole))
+        pd.testing.assert_frame_equal(mine, theirs[theirs["seed"] == 0].reset_index(drop=True))
+    arrays = [
+        load_arrays(out / "recoveries" / "s0.npz", schema="recoveries", version=1) for out in (tmp_path / "out", whole)
+    ]
+    assert arrays[0].keys() == arrays[1].keys()
+    for key, value in arrays[0].items():
+        np.testing.assert_array_equal(value, arrays[1][key])
+    runs = client.search_runs([experiment])
+    assert before <= {each.info.run_id for each in runs}
+    assert len(runs) == 3  # the parent and its two choosers, none of them twice
+    assert {each.info.status for each in runs} == {"FINISHED"}
+
+
+def test_what_belongs_to_another_world_is_refused(folder, tracked, tmp_path):
+    out, world, files = tmp_path / "out", push_seen(), found(folder)
+    preconditions, modes = load_preconditions(files["preconditions"], world), load_modes(files["modes"], world)
+    save_preconditions(tmp_path / "preconditions.npz", replace(preconditions, digest="another"))
+    save_modes(tmp_path / "modes.npz", replace(modes, digest="another"))
+    with pytest.raises(ArtifactError, match=r"preconditions of world 'push_seen'.*run `python -m stages\.fit_pre"):
+        learn(folder, out, preconditions=str(tmp_path / "preconditions.npz"))
+    with pytest.raises(ArtifactError, match=r"modes of world 'push_seen'.*run `python -m stages\.cluster` again"):
+        learn(folder, out, modes=str(tmp_path / "modes.npz"))
+    variant = WORLD | {"params": WORLD["params"] | {"sigma_m": 0.025}}
+    with pytest.raises(ArtifactError, match=r"another variant of world 'push_seen' \(sigma_m = 0\.03, not 0\.025"):
+        learn(folder, out, world=variant)
+    assert not list(out.iterdir())
+    others = {
+        "preconditions": (world, replace(preconditions, threshold=0.6), modes),
+        "modes": (world, preconditions, replace(modes, means=modes.means + 1.0)),
+        "digest": (push_seen(sigma_m=0.025), preconditions, modes),
+    }
+    for name, given in others.items():
+        with pytest.raises(ArtifactError, match=f"learnt with another {name}; give the files"):
+            load_recoveries(tracked[0] / "recoveries" / "s0.npz", *given)
+
+
+def test_a_budget_below_the_initial_rounds_is_refused(folder, tmp_path):
+    with pytest.raises(ConfigError, match="at least 12 rounds"):
+        learn(folder, tmp_path, rounds=11)
+    assert not list(tmp_path.glob("**/*.npz"))
+
+
+def test_a_mode_without_failures_is_refused(folder, tmp_path):
+    modes = load_modes(found(folder)["modes"], push_seen())
+    third = {
+        "weights": np.array([0.4, 0.4, 0.2]),
+        "means": np.vstack([modes.means, modes.means[:1] + 1e3]),
+        "covariances": np.concatenate([modes.covariances, modes.covariances[:1]]),
+        "sizes": np.append(modes.sizes, 1),
+    }
+    save_modes(tmp_path / "modes.npz", replace(modes, **third))
+    with pytest.raises(ArtifactError, match=r"failure modes \[2\] have no failure to train from; cluster into fewer"):
+        learn(folder, tmp_path / "out", modes=str(tmp_path / "modes.npz"), rounds=30)
