@@ -7,6 +7,7 @@ from pathlib import Path
 
 from p2l.artifacts import save_arrays
 from p2l.evaluation.recovery_report import learning_report
+from p2l.ledger import code_digest
 from p2l.recoveries.learn import Setting, record_history, train_recoveries
 from p2l.recoveries.metareskill.choose import Chooser, get_chooser
 from p2l.recoveries.metareskill.history import History
@@ -25,10 +26,12 @@ def run(cfg: LearnRecoveriesConfig, out: Path, track: Tracker) -> None:
     """Train with every chooser and seed; keep the first chooser's skills, all rounds, and figures 4.6 and 4.7."""
     choosers = {name: get_chooser(cfg.choosers[name].name, cfg.choosers[name].params) for name in cfg.compare}
     setting, records = open_setting(cfg), cfg.records or out / "records"
+    # Committed ledgers outlive harmless edits; a run's own do not.
+    code = "" if cfg.records else code_digest("sim", "worlds", "skills", "recoveries")
     histories: dict[tuple[int, str], History] = {}
     with counter(f"learn {cfg.item}", "round", cfg.rounds * len(choosers) * len(cfg.seeds)) as show:
         for seed in cfg.seeds:
-            trainer = setting.trainer(seed, records / f"{cfg.item}-ledger-s{seed}.npz")
+            trainer = setting.trainer(seed, records / f"{cfg.item}-ledger-s{seed}.npz", code)
             for name, chooser in choosers.items():
                 with child(track, cfg, "learn_recoveries", name, seed, out / "runs" / f"s{seed}" / name) as told:
                     histories[seed, name] = _learn(cfg, setting, trainer, chooser, told, show)

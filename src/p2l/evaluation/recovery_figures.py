@@ -82,7 +82,7 @@ def graph_figure(graph: SkillGraph, trained: IntArray, targets: Sequence[str], t
     heights = np.linspace(0.28, 0.72, len(targets))  # one for each target, so that labels of a mode keep apart
     most = max(int(trained.max()), 1)
     for (mode, target), count in sorted(np.ndenumerate(trained), key=lambda pair: graph.q[pair[0]]):
-        q, width = float(graph.q[mode, target]), 0.5 + 4.0 * count / most
+        q, width = float(graph.q[mode, target]), 0.5 + 4.0 * int(count) / most
         if count:
             colour = "#0072B2" if q > 0.0 else "0.85"
             told = f"{q:.2f}" if q > 0.0 else ""
@@ -108,9 +108,9 @@ def _edge(axes: Axes, start: Place, end: Place, told: str, along: float, colour:
     arrow = {"arrowstyle": "-|>", "color": colour, "lw": width, "shrinkA": 18, "shrinkB": 18, "mutation_scale": 14}
     axes.annotate("", xy=end, xytext=start, arrowprops=arrow)
     if told:
-        place = [(1.0 - along) * a + along * b for a, b in zip(start, end, strict=True)]
+        x, y = ((1.0 - along) * a + along * b for a, b in zip(start, end, strict=True))
         box = {"boxstyle": "square,pad=0.15", "fc": "white", "ec": "none"}
-        axes.text(*place, told, color=colour, fontsize=8, ha="center", va="center", bbox=box)
+        axes.text(x, y, told, color=colour, fontsize=8, ha="center", va="center", bbox=box)
 
 
 def _node(axes: Axes, place: Place, told: str, colour: str) -> None:

@@ -89,11 +89,19 @@ class Setting:
     options: QueryOptions
     trials: int
 
-    def trainer(self, seed: int, path: Path | None = None) -> Trainer:
-        """The trainer of one seed; its ledger, kept at `path`, goes on where the same training left off."""
+    def trainer(self, seed: int, path: Path | None = None, code: str = "") -> Trainer:
+        """The trainer of one seed; its ledger, kept at `path`, goes on where the same training left off.
+
+        Args:
+            seed: of all training.
+            path: of the ledger.
+            code: hash of code whose change makes a ledger's entries invalid; empty: no change does.
+        """
         parts = [self.failures.rows.states, self.failures.mode, self.held_out.rows.states, self.held_out.mode]
         told = [preconditions_hash(self.task.preconditions), modes_hash(self.modes), asdict(self.options)]
-        identity = config_hash([*told, self.trials, seed, *(part.tolist() for part in parts)])
+        identity = config_hash(
+            [*told, *([code] if code else []), self.trials, seed, *(part.tolist() for part in parts)]
+        )
         ledger = Ledger(identity) if path is None else Ledger.open(path, identity)
         return Trainer(self.task, self.failures, self.held_out, self.options, seed, ledger, self.trials)
 
