@@ -23,14 +23,15 @@ TIMING = Timing((6, 6, 6), (0, 0, 2))
 
 
 class Seen(Push):
-    """Push, and the hand's orientation is known."""
+    """Push, and the hand's orientation and the block's whole position are seen."""
 
     def _truth(self, rows):
         found = super()._truth(rows)
         return {**found, "block_y_m": found["block_pos_m"][:, 1:2], "grip_quat": self.read(rows, "grip_quat")}
 
     def _seen(self, rows, error):
-        return {**super()._seen(rows, error), "grip_quat": self.read(rows, "grip_quat")}
+        block = self.read(rows, "block_pos") + np.pad(error, ((0, 0), (1, 1)))
+        return {**super()._seen(rows, error), "block_pos_m": block, "grip_quat": self.read(rows, "grip_quat")}
 
 
 class Symbols:
