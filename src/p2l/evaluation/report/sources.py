@@ -56,12 +56,14 @@ class Sources:
         thesis: folder of the thesis's numbers.
         domains: domains of the pipeline; what lies in `data` for others is not read.
         worlds: the same for manipulation worlds.
+        recovery_worlds: those of them that learn recoveries to preconditions.
     """
 
     data: Path
     thesis: Path
     domains: tuple[str, ...]
     worlds: tuple[str, ...] = ()
+    recovery_worlds: tuple[str, ...] = ()
 
     def chapter(self, number: int) -> Thesis:
         """Numbers and claims of a chapter."""
@@ -124,6 +126,14 @@ class Sources:
             return [(one, (folder / one["file"]).read_bytes()) for one in index["videos"]], index["skipped"]
         except OSError as error:
             raise ArtifactError(f"{folder}: {error}; run `dvc repro cluster`") from error
+
+    def sheet(self, stage: str, domain: str, name: str) -> pd.DataFrame:
+        """A CSV that a stage wrote."""
+        path = self.file(stage, domain, name)
+        try:
+            return pd.read_csv(path)
+        except (OSError, ValueError) as error:
+            raise ArtifactError(f"{path}: no readable table ({error}); run `dvc repro {stage}`") from error
 
     def image(self, stage: str, domain: str, name: str) -> bytes:
         """A PNG that a stage drew."""

@@ -12,7 +12,7 @@ from p2l.evaluation.report.sources import Sources
 from p2l.evaluation.style import METHODS
 
 FLOW = ("collect", "fit_transfer", "plan", "evaluate_team")
-WORLD_FLOW = ("discover", "cluster")
+WORLD_FLOW = ("discover", "cluster", "fit_preconditions", "learn_recoveries", "evaluate_recoveries")
 
 
 def estimate(mean: float, low: float = math.nan, high: float = math.nan, digits: int = 0) -> str:
