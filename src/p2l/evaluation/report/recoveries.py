@@ -34,7 +34,7 @@ ROUNDS = (
 
 def preconditions(sources: Sources) -> Section:
     """Held-out accuracy and calibration of learnt preconditions."""
-    title = "Preconditions of the nominal skills (section 4.2.2, algorithm 2)"
+    title = "Preconditions of the nominal skills (section 4.2.1, algorithm 2)"
     if not sources.recovery_worlds:
         return _missing(title)
     thesis = sources.chapter(CHAPTER)
