@@ -38,7 +38,8 @@ def run(cfg: LearnRecoveriesConfig, out: Path, track: Tracker) -> None:
                 settings = {"rounds": cfg.rounds, "episodes": cfg.episodes, **cfg.choosers[name].model_dump()}
                 record_history(records, cfg.item, trainer, name, histories[seed, name], settings)
             kept = histories[seed, cfg.compare[0]]
-            save_recoveries(out / "recoveries" / f"s{seed}.npz", collect(trainer, setting.modes, setting.graph, kept))
+            learnt = collect(trainer, setting.modes, setting.graph, kept, cfg.episodes)
+            save_recoveries(out / "recoveries" / f"s{seed}.npz", learnt)
             save_arrays(out / "histories" / f"s{seed}.npz", kept.arrays(), schema="recovery_history", version=1)
     report = learning_report(out, cfg.item, setting, histories, cfg.compare)
     track.metrics(report.metrics)

@@ -76,11 +76,13 @@ def recoveries_hash(recoveries: Recoveries) -> str:
     return config_hash([recoveries.preconditions, recoveries.modes, asdict(recoveries.timing), graph, skills])
 
 
-def collect(trainer: Trainer, modes: ModeClassifier, graph: SkillGraph, history: History) -> Recoveries:
-    """The best skills of a training that is over."""
+def collect(
+    trainer: Trainer, modes: ModeClassifier, graph: SkillGraph, history: History, episodes: int = 1
+) -> Recoveries:
+    """The best skills of a training that is over, `episodes` trainings in each of its rounds."""
     preconditions = trainer.task.preconditions
     found = {
-        (mode, target): trainer.skill(mode, target, int(count))
+        (mode, target): trainer.skill(mode, target, int(count) * episodes)
         for (mode, target), count in np.ndenumerate(history.trained)
     }
     return Recoveries(
