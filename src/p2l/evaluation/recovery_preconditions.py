@@ -94,6 +94,8 @@ def _some(samples: Samples, train: IntArray, count: int, rng: np.random.Generato
 
 
 def _accuracy(skill: PreconditionClassifier, samples: Samples, test: BoolArray) -> float:
+    if not test.any():
+        return float("nan")
     return float((skill.holds(samples.states[test]) == samples.labels[test]).mean())
 
 
