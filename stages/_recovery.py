@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import logging
+from pathlib import Path
 
+from p2l.evaluation.failure_videos import skip
+from p2l.evaluation.recovery_videos import film_recoveries
+from p2l.evaluation.videos import VideoOptions
 from p2l.failures.classifier import load_modes
 from p2l.failures.record import check_pair, check_params, load_failures, open_world
 from p2l.preconditions.chained import load_preconditions
 from p2l.recoveries.learn import Rewards, Setting, members, start_graph
 from p2l.recoveries.query import QueryOptions
+from p2l.recoveries.record import Recoveries
 from p2l.recoveries.target import Task
 from p2l.registry import get_symbols
 from p2l.schema import LearnRecoveriesConfig
@@ -33,3 +38,13 @@ def open_setting(cfg: LearnRecoveriesConfig) -> Setting:
     graph = start_graph(task, failures, modes, Rewards(**cfg.rewards.model_dump()))
     options = QueryOptions(**cfg.query.model_dump(), timing=Timing(**cfg.timing.model_dump()))
     return Setting(task, modes, failures, tests, graph, options, cfg.trials)
+
+
+def film(cfg: LearnRecoveriesConfig, setting: Setting, learnt: Recoveries, folder: Path) -> list[Path]:
+    """Film each mode before and after, if that is wanted; the files."""
+    if cfg.videos:
+        held_out = load_failures(cfg.held_out, "held_out")
+        film_recoveries(folder, setting, held_out, learnt, VideoOptions(**cfg.video.model_dump()))
+    else:
+        skip(folder, "videos=false")
+    return sorted(folder.glob("*.mp4"))

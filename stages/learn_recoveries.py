@@ -17,7 +17,7 @@ from p2l.schema import LearnRecoveriesConfig
 from p2l.tracking import Tracker
 from stages._child import child
 from stages._progress import counter
-from stages._recovery import open_setting
+from stages._recovery import film, open_setting
 from stages._stage import stage
 
 
@@ -41,9 +41,11 @@ def run(cfg: LearnRecoveriesConfig, out: Path, track: Tracker) -> None:
             learnt = collect(trainer, setting.modes, setting.graph, kept, cfg.episodes)
             save_recoveries(out / "recoveries" / f"s{seed}.npz", learnt)
             save_arrays(out / "histories" / f"s{seed}.npz", kept.arrays(), schema="recovery_history", version=1)
+            if seed == cfg.seeds[0]:
+                films = film(cfg, setting, learnt, out / "videos")
     report = learning_report(out, cfg.item, setting, histories, cfg.compare)
     track.metrics(report.metrics)
-    for path in report.files:
+    for path in (*report.files, *films):
         track.artifact(path)
     for line in report.notes:
         track.note(line)

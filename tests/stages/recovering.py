@@ -96,5 +96,5 @@ def prepare(folder, **world):
 
 def learn(folder, out, **changes):
     """Run `learn_recoveries` on what is in `folder`: 6 recoveries, so 12 initial rounds."""
-    settings = {"rounds": 16, "query": {"updates": 2, "rollouts": 10, "solved": 0.5}}
+    settings = {"rounds": 16, "videos": False, "query": {"updates": 2, "rollouts": 10, "solved": 0.5}}
     run("learn_recoveries", out, **{**found(folder), **settings, **changes})

@@ -47,7 +47,8 @@ def tracked(folder, tmp_path_factory):
     """An uninterrupted training by two choosers and two seeds, and its store."""
     out = tmp_path_factory.mktemp("learnt")
     store = f"sqlite:///{out / 'runs.db'}"
-    learn(folder, out / "out", store=store, seeds=[0, 1])
+    small = {"width": 64, "height": 48, "max_frames": 3, "hold_s": 0.0, "samples": 0}
+    learn(folder, out / "out", store=store, seeds=[0, 1], videos=True, video=small)
     return out / "out", store
 
 
@@ -89,6 +90,20 @@ def test_learning_leaves_skills_rounds_and_figures(folder, tracked):
     np.testing.assert_allclose(learnt.graph.q.ravel(), kept["q"], atol=1e-5)
     for name in ("figure_4_6.png", "figure_4_7.png", "graphs/s0.png", "graphs/s1.png"):
         assert (out / name).stat().st_size > 10_000
+
+
+def test_each_mode_is_filmed_on_the_way_into_a_failure_and_out_of_it(tracked):
+    folder = tracked[0] / "videos"
+    index = load_json(folder / "videos.json", schema="videos", version=1)
+    if index["skipped"]:
+        pytest.skip(index["skipped"])
+    told = {(one["mode"], one["moment"]): one for one in index["videos"]}
+    assert {mode for mode, _ in told} == {0, 1}
+    assert {path.name for path in folder.glob("*.mp4")} == {one["file"] for one in index["videos"]}
+    for mode in (0, 1):
+        assert told[mode, "before"]["told"] == "missed in push"
+        assert told[mode, "after"]["told"].startswith(f"recovery_{mode}_")
+    assert any(one["solved"] for key, one in told.items() if key[1] == "after")
 
 
 def test_one_parent_run_has_the_seeds_as_children(tracked):

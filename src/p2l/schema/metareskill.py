@@ -9,7 +9,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from p2l.recoveries.strategies import STRATEGIES
 from p2l.schema.base import Count, Positive, Probability, Section
-from p2l.schema.recovery import DescribedWorldConfig, WorldStageConfig
+from p2l.schema.recovery import DescribedWorldConfig, VideoConfig, WorldStageConfig
 
 
 def known_strategy(name: str) -> str:
@@ -117,6 +117,8 @@ class LearnRecoveriesConfig(RecoveryFilesConfig):
     rewards: RewardsConfig
     query: QueryConfig
     timing: TimingConfig
+    videos: bool
+    video: VideoConfig
 
     @property
     def method(self) -> str:
