@@ -5,8 +5,9 @@ import math
 import pandas as pd
 import pytest
 
+from p2l.artifacts import save_json
 from p2l.evaluation.report import recoveries
-from p2l.evaluation.report.page import Reading
+from p2l.evaluation.report.page import Films, Reading
 from p2l.evaluation.report.sources import Sources
 from p2l.evaluation.tables import COLUMNS
 from tests.evaluation.team_results import FOLDER
@@ -55,6 +56,13 @@ def write(folder, values=(-10.0, -7.0, -7.0, -7.0, -7.0)):
     ]
     names = ["seed", "chooser", "mode", "target", "trained", "q"]
     pd.DataFrame(given, columns=names).to_csv(learnt / "figure_4_6.csv", index=False)
+    shown = [
+        {"file": "before.mp4", "mode": 0, "moment": "before", "told": "slip in pull_handle"},
+        {"file": "after.mp4", "mode": 0, "moment": "after", "told": "recovery_0_reach, reach", "solved": True},
+    ]
+    save_json(learnt / "videos" / "videos.json", {"videos": shown, "skipped": None}, schema="videos", version=1)
+    for one in shown:
+        (learnt / "videos" / one["file"]).write_bytes(b"a film")
     for picture in (fitted / "preconditions.png", learnt / "graphs" / "s0.png"):
         picture.write_bytes(b"a picture")
 
@@ -92,6 +100,15 @@ def test_rounds_tell_what_was_chosen_why_and_what_came_of_it(tmp_path):
     assert "promise +0.750 each on average and bring +0.250; 50% of their queries are solved" in predicted.ours
     assert section.metrics["recoveries/door/value/metareskill"] == -6.5
     assert section.metrics["recoveries/door/queries_solved"] == 0.5
+
+
+def test_each_mode_is_shown_before_and_after(tmp_path):
+    write(tmp_path)
+    [films] = [part for part in sections(tmp_path)[1].parts if isinstance(part, Films)]
+    assert [caption for _, _, caption in films.shown] == [
+        "Mode 0, before learning: slip in pull handle",
+        "Mode 0, after learning: recovery 0 reach, reach; solved",
+    ]
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from typing import Any
 import pandas as pd
 
 from p2l.evaluation.report import recovery_readings as readings
-from p2l.evaluation.report.page import Part, Picture, Section, Sheet
+from p2l.evaluation.report.page import Films, Part, Picture, Section, Sheet
 from p2l.evaluation.report.sources import Sources
 from p2l.evaluation.report.views import estimate, stage_commands
 from p2l.evaluation.tables import COLUMNS
@@ -89,6 +89,7 @@ def learning(sources: Sources) -> Section:
             *readings.read_allocation(claims, counts),
             readings.read_predictions(mine),
             Picture(_named("skill_graph", sources, world), graph, f"{world}: {GRAPH}"),
+            _films(sources, world),
             _rounds(sources, world, mine),
         ]
         final = values[values["queries"] == values["queries"].max()].groupby("chooser", sort=False)["value"].mean()
@@ -122,6 +123,19 @@ def _rounds(sources: Sources, world: str, mine: pd.DataFrame) -> Sheet:
         f"{world}, {_plain(mine['chooser'].iloc[0])}, first seed: {len(rows)} rounds after the initial ones. {ROUNDS}"
     )
     return Sheet(_named("recovery_rounds", sources, world), _columns(long).assign(thesis=math.nan), head, rows, caption)
+
+
+def _films(sources: Sources, world: str) -> Part:
+    """Each mode before and after learning, or why there is no video."""
+    films, skipped = sources.videos(world, "learn_recoveries")
+    if skipped:
+        return f"{world}: {skipped}"
+    shown = []
+    for one, mp4 in films:
+        name, told = f"Mode {one['mode']}, {one['moment']} learning", _plain(one["told"])
+        end = "" if one["moment"] == "before" else "; solved" if one["solved"] else "; not solved"
+        shown.append((f"{world} mode {one['mode']} {one['moment']}", mp4, f"{name}: {told}{end}"))
+    return Films(shown)
 
 
 def _columns(table: pd.DataFrame) -> pd.DataFrame:

@@ -118,14 +118,14 @@ class Sources:
         """A world's failure modes."""
         return load_json(self.file("cluster", world, "summary.json"), schema="cluster_summary", version=1)
 
-    def videos(self, world: str) -> tuple[list[tuple[dict[str, Any], bytes]], str | None]:
+    def videos(self, world: str, stage: str = "cluster") -> tuple[list[tuple[dict[str, Any], bytes]], str | None]:
         """What is known of each mode's video, and the video; and why there is none, if so."""
-        folder = self.data / "cluster" / world / "videos"
+        folder = self.data / stage / world / "videos"
         index = load_json(folder / "videos.json", schema="videos", version=1)
         try:
             return [(one, (folder / one["file"]).read_bytes()) for one in index["videos"]], index["skipped"]
         except OSError as error:
-            raise ArtifactError(f"{folder}: {error}; run `dvc repro cluster`") from error
+            raise ArtifactError(f"{folder}: {error}; run `dvc repro {stage}`") from error
 
     def sheet(self, stage: str, domain: str, name: str) -> pd.DataFrame:
         """A CSV that a stage wrote."""
