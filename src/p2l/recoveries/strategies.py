@@ -32,13 +32,13 @@ from p2l.records import IntArray
 from p2l.recoveries.metareskill.graph import SkillGraph
 from p2l.recoveries.metareskill.value_iteration import NONE, nominal_policy, recovery_policy
 from p2l.recoveries.regression import ParameterisedSkill
+from p2l.recoveries.strategy import STRATEGIES
 from p2l.recoveries.target import Task
 from p2l.skills.chain import FINISH, Choose, Moments, in_order
 from p2l.skills.option import Option
 from p2l.skills.relative import Plan, Timing, relative
 from p2l.worlds.observation import Observation
 
-STRATEGIES = ("recoveries", "retry", "to_previous", "to_start", "no_recovery", "open_loop")
 Skills = Mapping[tuple[int, int], ParameterisedSkill]
 Otherwise = Callable[[IntArray, Observation], IntArray]
 

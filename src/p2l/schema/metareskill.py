@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field, model_validator
 
-from p2l.recoveries.strategies import STRATEGIES
+from p2l.recoveries.strategy import STRATEGIES
 from p2l.schema.base import Count, Positive, Probability, Section
 from p2l.schema.recovery import DescribedWorldConfig, VideoConfig, WorldStageConfig
 
