@@ -107,7 +107,7 @@ class Shelf(RobotWorld):
         slip_limit_m: float = 0.02,
         clutter_limit_rad: float = 0.1,
         models: int = 16,
-        timestep_s: float = 0.005,
+        timestep_s: float = 1.0 / 240.0,
         nthread: int = 2,
     ) -> None:
         params = {name: value for name, value in locals().items() if name not in ("self", "nthread", "__class__")}
