@@ -37,7 +37,7 @@ def open_setting(cfg: LearnRecoveriesConfig) -> Setting:
         log.info("left out, since a learnt precondition holds: %d and %d held-out failures", dropped, dropped_tests)
     graph = start_graph(task, failures, modes, Rewards(**cfg.rewards.model_dump()))
     options = QueryOptions(**cfg.query.model_dump(), timing=Timing(**cfg.timing.model_dump()))
-    return Setting(task, modes, failures, tests, graph, options, cfg.trials)
+    return Setting(task, modes, failures, tests, graph, options, cfg.trials, cfg.regression == "residual")
 
 
 def film(cfg: LearnRecoveriesConfig, setting: Setting, learnt: Recoveries, folder: Path) -> list[Path]:

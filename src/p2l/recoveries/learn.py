@@ -79,6 +79,7 @@ class Setting:
         graph: before any training.
         options: of queries.
         trials: largest number of held-out failures behind a success rate.
+        residual: whether skills add to the straight motion, see `regression`.
     """
 
     task: Task
@@ -88,6 +89,7 @@ class Setting:
     graph: SkillGraph
     options: QueryOptions
     trials: int
+    residual: bool = True
 
     def trainer(self, seed: int, path: Path | None = None, code: str = "") -> Trainer:
         """The trainer of one seed; its ledger, kept at `path`, goes on where the same training left off.
@@ -98,12 +100,17 @@ class Setting:
             code: hash of code whose change makes a ledger's entries invalid; empty: no change does.
         """
         parts = [self.failures.rows.states, self.failures.mode, self.held_out.rows.states, self.held_out.mode]
-        told = [preconditions_hash(self.task.preconditions), modes_hash(self.modes), asdict(self.options)]
+        told = [
+            preconditions_hash(self.task.preconditions),
+            modes_hash(self.modes),
+            asdict(self.options),
+            self.residual,
+        ]
         identity = config_hash(
             [*told, *([code] if code else []), self.trials, seed, *(part.tolist() for part in parts)]
         )
         ledger = Ledger(identity) if path is None else Ledger.open(path, identity)
-        return Trainer(self.task, self.failures, self.held_out, self.options, seed, ledger, self.trials)
+        return Trainer(self.task, self.failures, self.held_out, self.options, seed, ledger, self.trials, self.residual)
 
 
 def train_recoveries(

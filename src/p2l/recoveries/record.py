@@ -23,7 +23,7 @@ from p2l.recoveries.train import Trainer
 from p2l.skills.relative import Timing
 from p2l.worlds.world import World
 
-SCHEMA, VERSION = "recoveries", 1
+SCHEMA, VERSION = "recoveries", 2
 Skills = Mapping[tuple[int, int], ParameterisedSkill]
 
 

@@ -14,7 +14,10 @@ Where the thesis is silent:
 1. Every episode begins with the first skill. Success is perceived: an episode ends when the task is done.
 2. A straight motion leads to the mean of the target's D⁺ for the object as seen, the fingers as there; the motion and
    its timing are those with which REPS begins. "The skill that has just been executed" is the last nominal one.
-3. A recovery that leads nowhere is tried again, up to the limit of skills.
+3. A recovery that has just led nowhere, that is to the same mode again, gives way to the next best one, in turns, up
+   to the limit of skills: what an open-loop motion did not change it will not change the second time either.
+4. Where the graph values giving up above every recovery, the best one is tried all the same: an episode that ends
+   there has failed for sure.
 
 Axis letters: N rows, K nominal skills, I modes, M targets.
 """
@@ -30,7 +33,7 @@ from p2l.errors import ConfigError
 from p2l.failures.classifier import ModeClassifier
 from p2l.records import IntArray
 from p2l.recoveries.metareskill.graph import SkillGraph
-from p2l.recoveries.metareskill.value_iteration import NONE, nominal_policy, recovery_policy
+from p2l.recoveries.metareskill.value_iteration import NONE, nominal_policy, recovery_ranking
 from p2l.recoveries.regression import ParameterisedSkill
 from p2l.recoveries.strategy import STRATEGIES
 from p2l.recoveries.target import Task
@@ -71,8 +74,7 @@ class _Policy:
     max_options: int
 
     def choose(self, otherwise: Otherwise) -> Choose:
-        """`otherwise` maps what is seen, and the nominal skill that was executed last [N], to options [N]."""
-        count = len(self.task.preconditions.skills)
+        """`otherwise` maps the option that was executed last [N], and what is seen, to options [N]."""
         rng = np.random.default_rng(0)  # `nominal_policy` wants one; preconditions are no tie, each is a skill apart
 
         def choose(ended: Moments) -> IntArray:
@@ -84,8 +86,7 @@ class _Policy:
             lost = (following == NONE) & ~over
             following[over] = FINISH
             if lost.any():
-                last = np.where(ended.option < count, ended.option, ended.option - count)
-                following[lost] = otherwise(last[lost], seen.take(lost))
+                following[lost] = otherwise(ended.option[lost], seen.take(lost))
             return following
 
         return choose
@@ -131,8 +132,8 @@ def playbook(
     count = len(nominal)
     moves = tuple(relative(f"to_{name}", _straight(task, k), timing) for k, name in enumerate(task.targets[:-1]))
     otherwise: dict[str, Otherwise] = {
-        "retry": lambda last, _seen: last,
-        "to_previous": lambda last, _seen: count + last,
+        "retry": lambda last, _seen: last % count,
+        "to_previous": lambda last, _seen: count + last % count,
         "to_start": lambda last, _seen: np.full_like(last, count),
         "no_recovery": lambda last, _seen: np.full_like(last, FINISH),
     }
@@ -147,26 +148,28 @@ def _recoveries(
     modes: ModeClassifier,
     skills: Skills,
 ) -> Playbook:
-    task, chosen = policy.task, recovery_policy(policy.graph, rng)
-    option = np.full(len(chosen), FINISH)
+    task, ranking = policy.task, recovery_ranking(policy.graph, rng)
+    option = np.full(ranking.shape, FINISH)
     learnt: list[Option] = []
-    for mode, target in enumerate(chosen.tolist()):
+    for (mode, rank), target in np.ndenumerate(ranking):
         if target != NONE:
-            option[mode] = len(nominal) + len(learnt)
-            plan = _learnt(task, skills[mode, target])
+            option[mode, rank] = len(nominal) + len(learnt)
+            plan = _learnt(task, skills[mode, int(target)], int(target))
             learnt.append(relative(f"recovery_{mode}_{task.targets[target]}", plan, timing))
+    feasible = (option != FINISH).sum(axis=1)
 
-    def recover(_last: IntArray, seen: Observation) -> IntArray:
-        return option[modes.classify(seen)[0]]
+    def recover(last: IntArray, seen: Observation) -> IntArray:
+        mode = modes.classify(seen)[0]
+        again = option[mode] == last[:, None]
+        following = np.where(again.any(axis=1), again.argmax(axis=1) + 1, 0)
+        return np.asarray(option[mode, following % np.maximum(feasible[mode], 1)])
 
     return Playbook((*nominal, *learnt), policy.choose(recover))
 
 
 def _straight(task: Task, target: int) -> Plan:
-    mean = task.preconditions.density(target).means[0]
-    return lambda seen: task.towards(seen, seen, np.tile(mean, (len(seen), 1)))
+    return lambda seen: task.straight(seen, target)
 
 
-def _learnt(task: Task, skill: ParameterisedSkill) -> Plan:
-    context = list(task.symbols.context)
-    return lambda seen: skill.predict(task.symbols.state(seen)[:, context])
+def _learnt(task: Task, skill: ParameterisedSkill, target: int) -> Plan:
+    return lambda seen: task.recovery(skill, target, seen)

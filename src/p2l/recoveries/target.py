@@ -14,6 +14,7 @@ import numpy as np
 
 from p2l.preconditions.chained import Preconditions
 from p2l.records import Array, BoolArray
+from p2l.recoveries.regression import ParameterisedSkill
 from p2l.skills.relative import straight
 from p2l.worlds.observation import Observation, Privileged
 from p2l.worlds.symbols import Symbols
@@ -65,3 +66,13 @@ class Task:
             states: N states, one for each row.
         """
         return straight(seen, *self.symbols.hand(known, states), self.symbols.closed(states))
+
+    def straight(self, seen: Observation, target: int) -> Array:
+        """[N, P] the straight motion of each row to the mean of the target's D⁺, as far as is seen."""
+        mean = self.preconditions.density(target).means[0]
+        return self.towards(seen, seen, np.tile(mean, (len(seen), 1)))
+
+    def recovery(self, skill: ParameterisedSkill, target: int, seen: Observation) -> Array:
+        """[N, P] what a learnt skill does from each row."""
+        predicted = skill.predict(self.symbols.state(seen)[:, list(self.symbols.context)])
+        return predicted + self.straight(seen, target) if skill.residual else predicted

@@ -56,6 +56,7 @@ class Trainer:
         seed: of all training.
         ledger: what was asked so far.
         trials: largest number of held-out failures that one measurement uses.
+        residual: whether skills add to the straight motion, see `regression`.
     """
 
     task: Task
@@ -65,6 +66,7 @@ class Trainer:
     seed: int
     ledger: Ledger
     trials: int = 50
+    residual: bool = True
 
     def __call__(self, mode: int, target: int, before: int) -> Trained:
         """Train recovery (mode, target) for the time `before` + 1."""
@@ -84,7 +86,7 @@ class Trainer:
         q, trials = (past[-1].q, past[-1].trials) if past else (0.0, len(self.tests(mode)))
         if answer.solved:
             solved.append((index, answer.parameters))
-            q, trials = self.measure(self._fit(mode, solved), mode, target)
+            q, trials = self.measure(self._fit(mode, target, solved), mode, target)
         return Entry(
             failure=index,
             solved=answer.solved,
@@ -104,7 +106,7 @@ class Trainer:
             return None
         best = max(solved, key=lambda number: (past[number].q, number))
         kept = [entry for entry in past[: best + 1] if entry.solved]
-        return self._fit(mode, [(entry.failure, entry.parameters) for entry in kept])
+        return self._fit(mode, target, [(entry.failure, entry.parameters) for entry in kept])
 
     def tests(self, mode: int) -> IntArray:
         """Indices of the held-out failures that measure a mode's recoveries."""
@@ -120,7 +122,9 @@ class Trainer:
     def measure(self, skill: ParameterisedSkill, mode: int, target: int) -> tuple[float, int]:
         """Success rate on held-out failures of the mode, all in one batch, and their number."""
         rows = known_exactly(self.held_out.rows.take(self.tests(mode)))
-        arrivals = execute(self.task.world, rows, skill.predict(self._context(rows)), self.options.timing)
+        arrivals = execute(
+            self.task.world, rows, self.task.recovery(skill, target, self.task.world.observe(rows)), self.options.timing
+        )
         reached = self.task.holds(arrivals.last)[:, target] & ~arrivals.diverged
         return float(reached.mean()), len(rows)
 
@@ -130,11 +134,13 @@ class Trainer:
         order = generator(self.seed, "order", mode, target).permutation(len(members))
         return int(members[order[before % len(members)]])
 
-    def _fit(self, mode: int, solved: Sequence[tuple[int, Array]]) -> ParameterisedSkill:
-        index, parameters = zip(*solved, strict=True)
-        states = self._context(self.failures.rows.take(list(index)))
+    def _fit(self, mode: int, target: int, solved: Sequence[tuple[int, Array]]) -> ParameterisedSkill:
+        index, found = zip(*solved, strict=True)
+        rows, parameters = known_exactly(self.failures.rows.take(list(index))), np.stack(found)
+        if self.residual:
+            parameters = parameters - self.task.straight(self.task.world.observe(rows), target)
         reference = self._context(self.failures.rows.take(self.failures.of(mode)))
-        return fit_skill(states, np.stack(parameters), reference=reference)
+        return fit_skill(self._context(rows), parameters, reference=reference, residual=self.residual)
 
     def _context(self, rows: Rows) -> Array:
         return self.task.state(rows)[:, list(self.task.symbols.context)]

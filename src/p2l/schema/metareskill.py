@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
@@ -114,6 +114,7 @@ class LearnRecoveriesConfig(RecoveryFilesConfig):
     rounds: Count
     episodes: Count
     trials: Count
+    regression: Literal["residual", "absolute"]
     rewards: RewardsConfig
     query: QueryConfig
     timing: TimingConfig

@@ -94,6 +94,18 @@ def recovery_policy(graph: SkillGraph, rng: np.random.Generator, tie: float = TI
     return np.where(scores.max(axis=1) > -graph.c_fail, greedy(scores, rng, tie), NONE)
 
 
+def recovery_ranking(graph: SkillGraph, rng: np.random.Generator, tie: float = TIE) -> IntArray:
+    """[I, M] targets from each mode, the most valuable recovery first; `NONE` instead of those that never succeed.
+
+    Values closer than `tie` are ordered at random.
+    """
+    scores = recovery_values(graph, value_iteration(graph).targets) + tie * rng.random(graph.q.shape)
+    scores = np.where(graph.q > 0.0, scores, -np.inf)
+    order = np.argsort(-scores, axis=1, kind="stable")
+    feasible = np.take_along_axis(graph.q > 0.0, order, axis=1)
+    return np.where(feasible, order, NONE).astype(np.int64)
+
+
 def nominal_policy(graph: SkillGraph, holds: BoolArray, rng: np.random.Generator, tie: float = TIE) -> IntArray:
     """[N] the most valuable precondition that holds, hence the nominal skill to execute.
 
