@@ -69,6 +69,24 @@ def test_a_learnt_recovery_is_that_of_the_mode_with_the_best_value(made):
     assert [found.options[index].name for index in chosen] == ["recovery_0_align", "recovery_1_push"]
 
 
+def test_a_recovery_that_led_to_the_same_mode_gives_way_to_the_next_best_in_turns(made):
+    """Mode 0 has two recoveries, to align (worth −5.42) and to push (−9.4); mode 1 has one, which stays."""
+    found = book(made, "recoveries")
+    names = [option.name for option in found.options]
+    assert names[2:] == ["recovery_0_align", "recovery_0_push", "recovery_1_push"]
+    left, right = pb.standing(made[0], 0.12, 0.08), pb.standing(made[0], 0.12, -0.08)
+
+    def after(last, rows):
+        return names[found.choose(moments(rows, names.index(last), 3))[0]]
+
+    assert after("recovery_0_align", left) == "recovery_0_push"
+    assert after("recovery_0_push", left) == "recovery_0_align"
+    assert after("recovery_1_push", right) == "recovery_1_push"
+    # Where it led to another mode, or a nominal skill did, that mode's best one comes first.
+    assert after("recovery_0_align", right) == "recovery_1_push"
+    assert after("recovery_1_push", left) == after("push", left) == "recovery_0_align"
+
+
 def test_an_episode_ends_when_the_task_is_done_or_ten_skills_were_executed(made):
     done, lost = pb.standing(made[0], 0.12, 0.0, done=True), pb.standing(made[0], 0.12, 0.08)
     for strategy in STRATEGIES[:-1]:

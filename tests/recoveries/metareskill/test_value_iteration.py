@@ -17,6 +17,7 @@ from p2l.recoveries.metareskill.value_iteration import (
     nominal_policy,
     predicted_value,
     recovery_policy,
+    recovery_ranking,
     value_iteration,
     value_of_failures,
 )
@@ -90,6 +91,19 @@ def test_two_modes_two_targets_by_hand():
     np.testing.assert_allclose(values.modes, [-4.6, -10.0])
     assert value_of_failures(graph) == pytest.approx(-5.95)
     np.testing.assert_array_equal(recovery_policy(graph, np.random.default_rng(0)), [0, NONE])
+
+
+def test_recoveries_are_ranked_by_value_and_those_that_never_succeed_left_out():
+    """V(ρ_1) = −2. Mode 0: −4.6 to ρ_1, −6 to the goal. Mode 1: −1 + 0.5 · (−2) − 5 = −7 and −1 − 1 = −2. Mode 2:
+    −10.6, below giving up, and still the only one there is. Mode 3 has none."""
+    q = np.array([[0.8, 0.5], [0.5, 0.9], [0.05, 0.0], [0.0, 0.0]])
+    graph = SkillGraph(np.array([0.9]), np.ones(4), q)
+    ranking = recovery_ranking(graph, np.random.default_rng(0))
+    np.testing.assert_array_equal(ranking, [[0, 1], [1, 0], [0, NONE], [NONE, NONE]])
+    tied = graph.with_q(np.tile([0.8, 0.64], (4, 1)))  # both worth −4.6
+    orders = {tuple(row) for row in recovery_ranking(tied, np.random.default_rng(0)).tolist()}
+    orders |= {tuple(row) for row in recovery_ranking(tied, np.random.default_rng(1)).tolist()}
+    assert orders == {(0, 1), (1, 0)}
 
 
 def test_the_formula_of_the_thesis_is_a_setting_away():
