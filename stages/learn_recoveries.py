@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from p2l.ledger import code_digest
 from p2l.recoveries.learn import Setting, record_history, train_recoveries
 from p2l.recoveries.metareskill.choose import Chooser, get_chooser
 from p2l.recoveries.metareskill.history import History
+from p2l.recoveries.metareskill.loop import check_budget
 from p2l.recoveries.record import collect, save_recoveries
 from p2l.recoveries.train import Trainer
 from p2l.schema import LearnRecoveriesConfig
@@ -20,12 +22,16 @@ from stages._progress import counter
 from stages._recovery import film, open_setting
 from stages._stage import stage
 
+log = logging.getLogger(__name__)
+
 
 @stage("learn_recoveries", LearnRecoveriesConfig)
 def run(cfg: LearnRecoveriesConfig, out: Path, track: Tracker) -> None:
     """Train with every chooser and seed; keep the first chooser's skills, all rounds, and figures 4.6 and 4.7."""
     choosers = {name: get_chooser(cfg.choosers[name].name, cfg.choosers[name].params) for name in cfg.compare}
     setting, records = open_setting(cfg), cfg.records or out / "records"
+    for chooser in choosers.values():
+        check_budget(setting.graph, chooser, cfg.rounds, cfg.episodes)
     # Committed ledgers outlive harmless edits; a run's own do not.
     code = "" if cfg.records else code_digest("sim", "worlds", "skills", "recoveries")
     histories: dict[tuple[int, str], History] = {}
@@ -48,6 +54,7 @@ def run(cfg: LearnRecoveriesConfig, out: Path, track: Tracker) -> None:
     for path in (*report.files, *films):
         track.artifact(path)
     for line in report.notes:
+        log.warning(line)
         track.note(line)
 
 

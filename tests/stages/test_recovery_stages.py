@@ -13,6 +13,7 @@ from mlflow import MlflowClient
 from p2l.artifacts import load_arrays, load_json
 from p2l.errors import ArtifactError, ConfigError
 from p2l.failures.classifier import load_modes, save_modes
+from p2l.failures.record import load_failures, save_failures
 from p2l.preconditions.chained import load_preconditions, save_preconditions
 from p2l.recoveries.record import load_recoveries
 from tests.stages.recovering import ROOT, WORLD, found, learn, prepare, push_seen
@@ -142,7 +143,7 @@ def test_a_killed_training_goes_on_to_the_bit_in_the_same_runs(folder, tracked, 
         mine, theirs = (pd.read_csv(out / name) for out in (tmp_path / "out", whole))
         pd.testing.assert_frame_equal(mine, theirs[theirs["seed"] == 0].reset_index(drop=True))
     arrays = [
-        load_arrays(out / "recoveries" / "s0.npz", schema="recoveries", version=1) for out in (tmp_path / "out", whole)
+        load_arrays(out / "recoveries" / "s0.npz", schema="recoveries", version=2) for out in (tmp_path / "out", whole)
     ]
     assert arrays[0].keys() == arrays[1].keys()
     for key, value in arrays[0].items():
@@ -176,10 +177,45 @@ def test_what_belongs_to_another_world_is_refused(folder, tracked, tmp_path):
             load_recoveries(tracked[0] / "recoveries" / "s0.npz", *given)
 
 
-def test_a_budget_below_the_initial_rounds_is_refused(folder, tmp_path):
-    with pytest.raises(ConfigError, match="at least 12 rounds"):
-        learn(folder, tmp_path, rounds=11)
+def test_a_budget_below_the_initial_rounds_is_refused_whichever_chooser_needs_them(folder, tmp_path):
+    for compare in (["metareskill", "round_robin"], ["round_robin", "metareskill"]):
+        with pytest.raises(ConfigError, match="chooser 'metareskill' needs at least 12 rounds"):
+            learn(folder, tmp_path, rounds=11, compare=compare)
     assert not list(tmp_path.glob("**/*.npz"))
+
+
+def test_where_no_recovery_ever_succeeds_that_is_said_and_nothing_breaks(folder, tmp_path, caplog):
+    """Preconditions two metres away, and motions of three control steps."""
+    world, files = push_seen(), found(folder)
+    fitted, modes = load_preconditions(files["preconditions"], world), load_modes(files["modes"], world)
+    away = [replace(each, positive=replace(each.positive, means=each.positive.means + 2.0)) for each in fitted.skills]
+    far = replace(fitted, skills=tuple(away))
+    save_preconditions(tmp_path / "preconditions.npz", far)
+    timing = {"legs": [1, 1, 1], "settle": [0, 0, 0]}
+    learn(folder, tmp_path, preconditions=str(tmp_path / "preconditions.npz"), timing=timing, rounds=12)
+    rounds = pd.read_csv(tmp_path / "rounds.csv")
+    assert (rounds["q"] == 0.0).all()
+    assert (rounds["value"] == -10.0).all()
+    told = [line for line in caplog.messages if "ever succeeded" in line]
+    assert len(told) == 4
+    assert told[0].startswith("Seed 0, metareskill: no recovery from mode 0 (")
+    assert not load_recoveries(tmp_path / "recoveries" / "s0.npz", world, far, modes).skills
+
+
+def test_a_mode_of_one_failure_is_learnt_and_one_without_held_out_failures_refused(folder, tmp_path):
+    files, world = found(folder), push_seen()
+    train, held_out = (load_failures(files[name]) for name in ("failures", "held_out"))
+    modes = load_modes(files["modes"], world)
+    kept = np.flatnonzero(modes.classify(train.truth)[0] == 0)
+    one = np.append(kept, np.setdiff1d(np.arange(len(train)), kept)[:1])
+    save_failures(tmp_path / "train.npz", train.take(one))
+    learn(folder, tmp_path / "out", failures=str(tmp_path / "train.npz"), compare=["round_robin"], rounds=12)
+    assert load_json(tmp_path / "out" / "summary.json", schema="learn_summary", version=1)["sizes"][1] == 1.0
+
+    save_failures(tmp_path / "tests.npz", held_out.take(modes.classify(held_out.truth)[0] == 0))
+    with pytest.raises(ArtifactError, match=r"failure modes \[1\] have no held-out failure"):
+        learn(folder, tmp_path / "none", held_out=str(tmp_path / "tests.npz"))
+    assert not list((tmp_path / "none").iterdir())
 
 
 def test_a_mode_without_failures_is_refused(folder, tmp_path):

@@ -80,6 +80,9 @@ class Setting:
         options: of queries.
         trials: largest number of held-out failures behind a success rate.
         residual: whether skills add to the straight motion, see `regression`.
+
+    Raises:
+        ArtifactError: a mode has no held-out failure to measure its recoveries on.
     """
 
     task: Task
@@ -90,6 +93,14 @@ class Setting:
     options: QueryOptions
     trials: int
     residual: bool = True
+
+    def __post_init__(self) -> None:
+        found = np.bincount(self.held_out.mode, minlength=len(self.graph.sizes))
+        if empty := np.flatnonzero(found == 0).tolist():
+            raise ArtifactError(
+                f"failure modes {empty} have no held-out failure, so their recoveries cannot be measured; "
+                "discover with more held-out executions (`executions.held_out`), or cluster into fewer modes"
+            )
 
     def trainer(self, seed: int, path: Path | None = None, code: str = "") -> Trainer:
         """The trainer of one seed; its ledger, kept at `path`, goes on where the same training left off.

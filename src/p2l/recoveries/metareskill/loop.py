@@ -49,16 +49,25 @@ def learn(
     """
     if not isinstance(rng.bit_generator, np.random.PCG64):
         raise ConfigError(f"learn: the generator must be a PCG64, got {type(rng.bit_generator).__name__}")
+    check_budget(graph, chooser, rounds, episodes)
+    past = History(graph.q) if history is None else history
+    if not np.array_equal(past.initial, graph.q):
+        raise ConfigError("learn: the history begins with other recoveries than the graph; delete it and start anew")
+    return _rounds(graph, chooser, train, rounds, rng, past, episodes)
+
+
+def check_budget(graph: SkillGraph, chooser: Chooser, rounds: int, episodes: int = 1) -> None:
+    """Refuse a budget that does not cover the chooser's initial rounds; whoever compares choosers asks for all first.
+
+    Raises:
+        ConfigError: fewer rounds than the chooser's initial ones, or no training per round.
+    """
     needed = chooser.initial_rounds * graph.q.size
     if rounds < max(needed, 1) or episodes < 1:
         raise ConfigError(
             f"learn: {rounds} rounds of {episodes} trainings given; chooser '{chooser.name}' needs at least "
             f"{max(needed, 1)} rounds ({chooser.initial_rounds} initial ones for each of {graph.q.size} recoveries)"
         )
-    past = History(graph.q) if history is None else history
-    if not np.array_equal(past.initial, graph.q):
-        raise ConfigError("learn: the history begins with other recoveries than the graph; delete it and start anew")
-    return _rounds(graph, chooser, train, rounds, rng, past, episodes)
 
 
 def _rounds(
