@@ -4,31 +4,79 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
 from p2l.artifacts import atomic, save_json
-from p2l.failures.record import check_params, load_failures, open_world
+from p2l.failures.record import Failures, check_params, load_failures, open_world
+from p2l.ledger import code_digest
 from p2l.recoveries.chaining.checkpoint import drop_checkpoint
 from p2l.recoveries.chaining.learner import Task
 from p2l.recoveries.chaining.learners import make_learner
 from p2l.recoveries.chaining.mdp import Limits
 from p2l.recoveries.chaining.ppo import PPOSettings
-from p2l.recoveries.chaining.train import TrainSettings, apart_of, card_of, split, summary, train
+from p2l.recoveries.chaining.record import Learnt, copy_policy, find_run, keep_run, learnt_of, run_item
+from p2l.recoveries.chaining.train import TrainSettings, apart_of, card_of, split, train
 from p2l.schema import ChainRecoveriesConfig
 from p2l.tracking import Tracker
+from stages._child import child
 from stages._progress import training
 from stages._stage import stage
 
 
 @stage("chain_recoveries", ChainRecoveriesConfig)
 def run(cfg: ChainRecoveriesConfig, out: Path, track: Tracker) -> None:
-    """Leave policy.safetensors with its card, rounds.csv, evaluations.csv and summary.json."""
+    """Leave policy.safetensors with its card, rounds.csv, evaluations.csv and summary.json.
+
+    Policies of runs that are compared lie in policies/<learner>/s<seed>; their rows tell learner and seed.
+    """
+    failures = load_failures(cfg.failures, "train")
+    check_params(failures, cfg.world.name, cfg.world.params, cfg.failures)
+    if cfg.compare:
+        _compare(cfg, failures, out, track)
+        return
+    learnt = _learn(cfg, failures, out, track)
+    _tables(out, {name: getattr(learnt, name) for name in ("rounds", "evaluations")}, track)
+    save_json(out / "summary.json", learnt.facts, schema="chain_summary", version=1)
+    track.metrics(_told(learnt.facts))
+    drop_checkpoint(out)
+
+
+def _compare(cfg: ChainRecoveriesConfig, failures: Failures, out: Path, track: Tracker) -> None:
+    """Every learner with every seed, seed by seed, so that an interruption leaves whole comparisons."""
+    records = cfg.records or out / "records"
+    # Committed records outlive harmless edits (`record.VERSION` marks the others); a run's own do not.
+    code = "" if cfg.records else code_digest("sim", "worlds", "skills", "recoveries")
+    found: dict[tuple[str, int], Learnt] = {}
+    for seed in cfg.seeds:
+        for name in cfg.compare:
+            one, folder = cfg.alone(name, seed), out / "policies" / name / f"s{seed}"
+            item = run_item(cfg.item, name, seed, one.hash, failures, code)
+            learnt = find_run(records, item, one.hash, folder)
+            if learnt is None:
+                place = out / "runs" / f"s{seed}" / name
+                with child(track, cfg, "chain_recoveries", name, seed, place) as told:
+                    learnt = _learn(one, failures, place / item.config_hash, told)
+                keep_run(records, item, learnt, place / item.config_hash)
+                copy_policy(place / item.config_hash, folder)
+                drop_checkpoint(place / item.config_hash)
+            found[name, seed] = learnt
+            track.metrics({f"{name}/s{seed}/{key}": value for key, value in _told(learnt.facts).items()})
+    tables = {
+        kind: pd.concat([getattr(one, kind).assign(learner=name, seed=seed) for (name, seed), one in found.items()])
+        for kind in ("rounds", "evaluations")
+    }
+    _tables(out, tables, track)
+    facts = {f"{name}/s{seed}": dict(learnt.facts) for (name, seed), learnt in found.items()}
+    save_json(out / "summary.json", {"runs": facts}, schema="chain_runs", version=1)
+
+
+def _learn(cfg: ChainRecoveriesConfig, failures: Failures, out: Path, track: Tracker) -> Learnt:
+    """One run; its policy, and as long as it is under way its checkpoint, are in `out`."""
     budget = round(cfg.budget * cfg.learner.budget_share)
     every, episodes = cfg.evaluation.every, cfg.evaluation.episodes
     settings = TrainSettings(budget, cfg.slots, every, episodes, PPOSettings(**cfg.ppo.model_dump()))
-    failures = load_failures(cfg.failures, "train")
-    check_params(failures, cfg.world.name, cfg.world.params, cfg.failures)
     world, nominal = open_world(failures, cfg.failures)
     parts = split(failures.rows, episodes, cfg.seed, world.name)
     task = Task(world, nominal, parts.learnt, cfg.seed)
@@ -43,14 +91,18 @@ def run(cfg: ChainRecoveriesConfig, out: Path, track: Tracker) -> None:
                 show(int(row["control_steps"]), row["done"] / max(row["ended"], 1))
 
         progress = train(task, learner, apart_of(task, learner, parts, episodes), settings, card, out, report)
-    for name in ("rounds", "evaluations"):
+    return learnt_of(progress, len(failures), len(parts.apart))
+
+
+def _tables(out: Path, tables: Mapping[str, pd.DataFrame], track: Tracker) -> None:
+    for name, table in tables.items():
         with atomic(out / f"{name}.csv") as temporary:
-            pd.DataFrame(getattr(progress, name)).to_csv(temporary, index=False, float_format="%.6g")
+            table.to_csv(temporary, index=False, float_format="%.6g")
         track.artifact(out / f"{name}.csv")
-    facts = {"failures": len(failures), "set_apart": len(parts.apart), **summary(progress)}
-    save_json(out / "summary.json", facts, schema="chain_summary", version=1)
-    track.metrics({name: value for name, value in facts.items() if value is not None})
-    drop_checkpoint(out)
+
+
+def _told(facts: Mapping[str, Any]) -> dict[str, float]:
+    return {name: value for name, value in facts.items() if value is not None}
 
 
 if __name__ == "__main__":

@@ -23,7 +23,10 @@ from stages._stage import stage
 DOMAIN_STAGES = ("collect", "fit_transfer", "plan", "evaluate_team")
 WORLD_STAGES = ("discover", "cluster")
 RECOVERY_STAGES = ("fit_preconditions", "learn_recoveries", "evaluate_recoveries")
-STAGES = (*DOMAIN_STAGES, *WORLD_STAGES, *RECOVERY_STAGES, "report")
+CHAIN_STAGES = ("chain_recoveries", "evaluate_chains")
+STAGES = (*DOMAIN_STAGES, *WORLD_STAGES, *RECOVERY_STAGES, *CHAIN_STAGES, "report")
+# Where the pipeline asks for more than a person does, whose runs are single ones.
+ASKED = {"chain_recoveries": ("compare=${experiment.chain.learners}", "seeds=${experiment.chain.seeds}")}
 
 
 @stage("config", ConfigStageConfig)
@@ -42,17 +45,23 @@ def run(cfg: ConfigStageConfig, out: Path, track: Tracker) -> None:  # noqa: ARG
     texts |= {
         f"{world}/{name}": composed(cfg, name, [f"world={world}", f"item={world}", f"experiment={cfg.preset}"])
         for world in cfg.worlds
-        for name in (*WORLD_STAGES, *(RECOVERY_STAGES if world in cfg.recovery_worlds else ()))
+        for name in stages_of(cfg, world)
     }
-    kinds = {"domains": cfg.domains, "worlds": cfg.worlds, "recovery_worlds": cfg.recovery_worlds}
+    kinds = {name: getattr(cfg, name) for name in ("domains", "worlds", "recovery_worlds", "chain_worlds")}
     items = [f"{kind}=[{','.join(names)}]" for kind, names in kinds.items()]
     texts["report/report"] = composed(cfg, "report", [f"preset={cfg.preset}", *items])
     write(out, texts)
 
 
+def stages_of(cfg: ConfigStageConfig, world: str) -> tuple[str, ...]:
+    """What a world goes through."""
+    recovery = RECOVERY_STAGES if world in cfg.recovery_worlds else ()
+    return (*WORLD_STAGES, *recovery, *(CHAIN_STAGES if world in cfg.chain_worlds else ()))
+
+
 def composed(cfg: ConfigStageConfig, name: str, choices: list[str]) -> str:
     """The resolved YAML of one stage of one item, checked by its schema; Hydra is up already, in `conf/`."""
-    overrides = [*choices, f"seed={cfg.seed}", *cfg.overrides.get(name, ())]
+    overrides = [*choices, *ASKED.get(name, ()), f"seed={cfg.seed}", *cfg.overrides.get(name, ())]
     where = f"conf/{name}.yaml with {' '.join(overrides)}"
     try:
         plain = resolve(compose(config_name=name, overrides=overrides))

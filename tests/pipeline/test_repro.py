@@ -16,6 +16,7 @@ STAGES = {
     "domains": ("collect", "fit_transfer", "plan", "evaluate_team"),
     "worlds": ("discover", "cluster"),
     "recovery_worlds": ("fit_preconditions", "learn_recoveries", "evaluate_recoveries"),
+    "chain_worlds": ("chain_recoveries", "evaluate_chains"),
 }
 
 

@@ -1,16 +1,18 @@
 """The stages chain_recoveries and evaluate_chains, on the small push world: what they write, and what they refuse."""
 
 import json
+import shutil
 from pathlib import Path
 
 import pandas as pd
 import pytest
+import torch
 from hydra import compose, initialize_config_dir
 
 from p2l.artifacts import load_json, load_table
 from p2l.errors import ArtifactError, ConfigError
 from p2l.recoveries.chaining.checkpoint import FILE
-from p2l.recoveries.chaining.policy import load_policy
+from p2l.recoveries.chaining.policy import load_policy, policy_hash
 from p2l.schema import SCHEMAS, resolve, validate
 from p2l.tracking import Tracker
 from stages import chain_recoveries, discover, evaluate_chains
@@ -29,6 +31,8 @@ def run(name, out, **changes):
         plain = resolve(compose(name, ["experiment=smoke"]))
     if "ppo" in plain:
         plain["ppo"] |= SMALL
+    if "records" in plain:
+        plain["records"] = None
     plain |= {"item": "push", "world": PUSH, **changes}
     out.mkdir(parents=True, exist_ok=True)
     STAGES[name].run.__wrapped__(validate(plain, SCHEMAS[name], "test"), out, Tracker())
@@ -47,47 +51,115 @@ def found(tmp_path_factory):
     return out
 
 
+PP = {"trajectories": 60, "every": 2}
+COMPARED = {name: {"name": name, "params": PP if name == "pp" else {}} for name in ("rc", "pp")}
+
+
+def compare(found, out, **changes):
+    settings = {"learners": COMPARED, "compare": ["rc", "pp"], "seeds": [0], "budget": 600, "slots": 8, **changes}
+    run("chain_recoveries", out, failures=str(found / "failures_train.npz"), **settings)
+
+
 @pytest.fixture(scope="module")
-def policies(found, tmp_path_factory):
-    out = tmp_path_factory.mktemp("policies")
-    for learner in ("rc", "pp"):
-        learn(found, out / learner / "s0", learner)
+def alone(found, tmp_path_factory):
+    out = tmp_path_factory.mktemp("alone")
+    learn(found, out)
     return out
 
 
-def test_learning_leaves_a_policy_its_curves_and_no_checkpoint(policies):
-    out = policies / "rc" / "s0"
-    summary = load_json(out / "summary.json", schema="chain_summary", version=1)
+@pytest.fixture(scope="module")
+def learnt(found, tmp_path_factory):
+    out = tmp_path_factory.mktemp("learnt")
+    compare(found, out / "run", records=str(out / "records"))
+    return out
+
+
+def evaluate(learnt, out, **changes):
+    settings = {"learners": ["rc", "pp"], "seeds": [0], "episodes": 20, **changes}
+    run("evaluate_chains", out, **{"learnt": str(learnt / "run"), **settings})
+
+
+def moved(**variants):
+    return {"learners": ["rc"], "failures": 3, "robosuite_failures": 0, "variants": variants}
+
+
+def test_learning_leaves_a_policy_its_curves_and_no_checkpoint(alone):
+    summary = load_json(alone / "summary.json", schema="chain_summary", version=1)
     assert summary["control_steps"] >= 600
-    rounds, evaluations = (pd.read_csv(out / f"{name}.csv") for name in ("rounds", "evaluations"))
+    rounds, evaluations = (pd.read_csv(alone / f"{name}.csv") for name in ("rounds", "evaluations"))
     assert rounds["control_steps"].iloc[-1] == summary["control_steps"]
     assert (rounds.filter(like="chosen:").sum(axis=1) == SMALL["n_steps"]).all()
     assert evaluations["control_steps"].iloc[0] == 0
     assert evaluations["success"].max() == summary["best_evaluation"]
-    assert load_policy(out).card.learner == "rc"
-    assert not (out / FILE).exists()
+    assert load_policy(alone).card.learner == "rc"
+    assert not (alone / FILE).exists()
 
 
-def test_every_learner_meets_the_same_nominal_runs_and_failures(policies, tmp_path):
-    run("evaluate_chains", tmp_path, policies=str(policies), learners=["rc", "pp"], seeds=[0], episodes=20)
-    episodes = load_table(tmp_path / "episodes.parquet", schema="chain_episodes", version=1)
+def test_runs_that_are_compared_are_those_that_a_person_would_start(alone, learnt):
+    out = learnt / "run"
+    ours, theirs = (load_policy(folder) for folder in (out / "policies" / "rc" / "s0", alone))
+    assert all(torch.equal(weight, theirs.weights[name]) for name, weight in ours.weights.items())
+    rounds = pd.read_csv(out / "rounds.csv")
+    assert rounds.groupby("learner")["seed"].unique().map(list).to_dict() == {"pp": [0], "rc": [0]}
+    summary = load_json(out / "summary.json", schema="chain_runs", version=1)["runs"]
+    assert set(summary) == {"rc/s0", "pp/s0"}
+    assert (out / "policies" / "pp" / "s0" / "preconditions.npz").is_file()
+    assert not list(out.rglob(FILE))
+
+
+def test_what_the_records_hold_is_not_learnt_again(found, learnt, tmp_path):
+    shutil.copytree(learnt / "records", tmp_path / "records")
+    changed = {path: path.stat().st_mtime_ns for path in (tmp_path / "records").rglob("*.*")}
+    compare(found, tmp_path / "run", records=str(tmp_path / "records"))
+    assert changed == {path: path.stat().st_mtime_ns for path in (tmp_path / "records").rglob("*.*")}
+    assert not (tmp_path / "run" / "runs").exists()
+    pd.testing.assert_frame_equal(*(pd.read_csv(one / "run" / "evaluations.csv") for one in (learnt, tmp_path)))
+    for name in ("rc", "pp"):
+        ours, theirs = (load_policy(one / "run" / "policies" / name / "s0") for one in (learnt, tmp_path))
+        assert policy_hash(ours) == policy_hash(theirs)
+
+    # A policy that is not whole, or another configuration, is learnt anew.
+    kept = tmp_path / "records" / "policies" / "push-rc-s0" / "policy.safetensors"
+    kept.write_bytes(kept.read_bytes()[:-4])
+    compare(found, tmp_path / "again", records=str(tmp_path / "records"), compare=["rc"])
+    assert (tmp_path / "again" / "runs" / "s0" / "rc").exists()
+    assert policy_hash(load_policy(kept.parent)) == policy_hash(load_policy(learnt / "run/policies/rc/s0"))
+
+
+def test_every_learner_meets_the_same_nominal_runs_and_failures(learnt, tmp_path):
+    evaluate(learnt, tmp_path / "a", records=str(tmp_path / "records"), transfer=moved(noisy={"sigma_m": 0.05}))
+    episodes = load_table(tmp_path / "a" / "episodes.parquet", schema="chain_episodes", version=1)
     parts = {name: part.reset_index(drop=True) for name, part in episodes.groupby("learner")}
     for column in ("nominal", "flagged", "diverged"):
         pd.testing.assert_series_equal(parts["rc"][column], parts["pp"][column])
     assert (episodes["success"] >= episodes["nominal"]).all()
     assert ((episodes["actions"] != "") == episodes["flagged"]).all()
-    summary = load_json(tmp_path / "summary.json", schema="chain_evaluation", version=1)["learners"]
+    summary = load_json(tmp_path / "a" / "summary.json", schema="chain_evaluation", version=1)["learners"]
     assert summary["rc"]["success"]["mean"] == parts["rc"]["success"].mean()
     assert summary["rc"]["recovery"]["n"] == parts["rc"]["flagged"].sum()
+    [elsewhere] = pd.read_csv(tmp_path / "a" / "table_5_2.csv").query("metric == 'recovery'").to_dict("records")
+    assert (elsewhere["method"], elsewhere["setting"], elsewhere["n"]) == ("rc", "world=push;variant=noisy", 3)
+
+    # Another machine has the records alone: nothing is run, and the results are the same.
+    changed = {path: path.stat().st_mtime_ns for path in (tmp_path / "records").iterdir()}
+    assert len(changed) == 3
+    evaluate(learnt, tmp_path / "b", records=str(tmp_path / "records"), transfer=moved(noisy={"sigma_m": 0.05}))
+    assert changed == {path: path.stat().st_mtime_ns for path in (tmp_path / "records").iterdir()}
+    for name in ("table_5_1.csv", "table_5_2.csv", "figure_5_5.csv", "figure_5_8.csv", "figure_5_5.png"):
+        assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
 
 
-def test_a_policy_of_another_variant_is_refused_before_anything_is_run(policies, tmp_path):
+def test_a_policy_of_another_variant_is_refused_before_anything_is_run(learnt, tmp_path):
     other = {"name": "push", "params": {"sigma_m": 0.01, "nthread": 1}}
     with pytest.raises(ArtifactError, match="other parameters or code"):
-        run("evaluate_chains", tmp_path, world=other, policies=str(policies), learners=["rc"], seeds=[0])
+        evaluate(learnt, tmp_path, world=other, learners=["rc"])
     with pytest.raises(ArtifactError, match=r"s7/policy\.safetensors.*no such artifact"):
-        run("evaluate_chains", tmp_path, policies=str(policies), learners=["rc"], seeds=[7])
-    assert list(tmp_path.iterdir()) == []
+        evaluate(learnt, tmp_path, learners=["rc"], seeds=[7])
+    (tmp_path / "run").mkdir()
+    shutil.copytree(learnt / "run" / "policies", tmp_path / "run" / "policies")
+    with pytest.raises(ArtifactError, match=r"rounds\.csv: cannot be read"):
+        evaluate(tmp_path, tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["run"]
 
 
 def test_what_cannot_be_learnt_from_is_refused(found, tmp_path):

@@ -18,6 +18,7 @@ PRESETS = sorted(path.stem for path in (ROOT / "conf" / "experiment").glob("*.ya
 DOMAINS = sorted(path.stem for path in (ROOT / "conf" / "domain").glob("*.yaml"))
 STAGES = config.WORLD_STAGES
 WORLDS = sorted(path.stem for path in (ROOT / "conf" / "world").glob("*.yaml"))
+CHAINED = ["pick_place", "shelf", "cluttered_shelf", "shelf_ur5e"]
 DOORS = [world for world in WORLDS if world.startswith("door")]  # the worlds that have symbols
 
 
@@ -39,12 +40,14 @@ def written(tmp_path_factory):
 @pytest.mark.parametrize("preset", PRESETS)
 def test_every_preset_configures_every_stage_of_every_item(tmp_path, preset):
     worlds, doors = f"worlds=[{','.join(WORLDS)}]", f"recovery_worlds=[{','.join(DOORS)}]"
-    configure(tmp_path, f"preset={preset}", f"domains=[{','.join(DOMAINS)}]", worlds, doors)
+    chained = f"chain_worlds=[{','.join(CHAINED)}]"
+    configure(tmp_path, f"preset={preset}", f"domains=[{','.join(DOMAINS)}]", worlds, doors, chained)
     items = {path.relative_to(tmp_path).as_posix() for path in tmp_path.glob("*/*.yaml")}
     of_domains = {f"{domain}/{stage}.yaml" for domain in DOMAINS for stage in config.DOMAIN_STAGES}
     of_worlds = {f"{world}/{stage}.yaml" for world in WORLDS for stage in config.WORLD_STAGES}
     of_doors = {f"{door}/{stage}.yaml" for door in DOORS for stage in config.RECOVERY_STAGES}
-    assert items == of_domains | of_worlds | of_doors | {"report/report.yaml"}
+    of_chained = {f"{world}/{stage}.yaml" for world in CHAINED for stage in config.CHAIN_STAGES}
+    assert items == of_domains | of_worlds | of_doors | of_chained | {"report/report.yaml"}
     for path in tmp_path.glob("*/*.yaml"):
         content = yaml.safe_load(path.read_text())
         assert "${" not in path.read_text()
@@ -54,7 +57,9 @@ def test_every_preset_configures_every_stage_of_every_item(tmp_path, preset):
 
 def test_overrides_reach_their_stage_and_removed_items_go(tmp_path, written):
     shutil.copytree(written, tmp_path, dirs_exist_ok=True)
-    configure(tmp_path, "domains=[lego]", "worlds=[door]", "+overrides.plan=['time_limit_s=7.5']", "seed=7")
+    configure(
+        tmp_path, "domains=[lego]", "worlds=[door]", "chain_worlds=[]", "+overrides.plan=['time_limit_s=7.5']", "seed=7"
+    )
     assert sorted(path.name for path in tmp_path.iterdir() if path.is_dir()) == ["door", "lego", "report"]
     plan = yaml.safe_load((tmp_path / "lego" / "plan.yaml").read_text())
     assert (plan["time_limit_s"], plan["seed"]) == (7.5, 7)
@@ -64,7 +69,7 @@ def test_a_variant_of_a_world_has_folders_of_its_own(tmp_path):
     """A file of `conf/world` is an item; every stage of it reads and writes under the item's name."""
     written = {}
     for item in WORLDS:
-        configure(tmp_path, "domains=[lego]", f"worlds=[{item}]", "recovery_worlds=[]")
+        configure(tmp_path, "domains=[lego]", f"worlds=[{item}]", "recovery_worlds=[]", "chain_worlds=[]")
         written[item] = {stage: yaml.safe_load((tmp_path / item / f"{stage}.yaml").read_text()) for stage in STAGES}
     for item, stages in written.items():
         assert stages["discover"]["item"] == item
@@ -74,13 +79,27 @@ def test_a_variant_of_a_world_has_folders_of_its_own(tmp_path):
 
 
 def test_recoveries_are_learnt_from_the_items_own_files(tmp_path):
-    configure(tmp_path, "domains=[lego]", "worlds=[door,door_handle2]", "recovery_worlds=[door_handle2]")
+    items = "worlds=[door,door_handle2]", "recovery_worlds=[door_handle2]", "chain_worlds=[]"
+    configure(tmp_path, "domains=[lego]", *items)
     assert not (tmp_path / "door" / "learn_recoveries.yaml").exists()
     learn = yaml.safe_load((tmp_path / "door_handle2" / "learn_recoveries.yaml").read_text())
     assert learn["preconditions"] == "data/fit_preconditions/door_handle2/preconditions.npz"
     assert learn["modes"] == "data/cluster/door_handle2/modes.npz"
     assert learn["failures"] == "data/discover/door_handle2/failures_train.npz"
     assert learn["held_out"] == "data/discover/door_handle2/failures_held_out.npz"
+
+
+def test_the_pipeline_trains_what_its_preset_compares(tmp_path):
+    """A person's run is one learner with one seed; the pipeline's are those of the preset."""
+    items = "worlds=[door,pick_place,shelf]", "chain_worlds=[shelf]"
+    configure(tmp_path, "preset=thesis", "domains=[lego]", *items, "+overrides.chain_recoveries=['seeds=[3]']")
+    assert not (tmp_path / "pick_place" / "chain_recoveries.yaml").exists()
+    learn, judge = (yaml.safe_load((tmp_path / "shelf" / f"{stage}.yaml").read_text()) for stage in config.CHAIN_STAGES)
+    assert (learn["compare"], learn["seeds"]) == (["rc", "lazy_rc", "pp", "rl"], [3])
+    assert learn["failures"] == "data/discover/shelf/failures_train.npz"
+    assert judge["learnt"] == "data/chain_recoveries/shelf"
+    assert learn["limits"]["history"] == 3
+    assert {"bottle", "can", "ur5e"} <= set(judge["transfer"]["variants"])
 
 
 @pytest.mark.parametrize(
@@ -93,6 +112,10 @@ def test_recoveries_are_learnt_from_the_items_own_files(tmp_path):
         ("worlds=[door,door]", "none twice"),
         ("worlds=[doors]", "doors"),
         ("worlds=[shelf]", "recovery_worlds names door; worlds has: shelf"),
+        ("worlds=[door]", "chain_worlds names pick_place; worlds has: door"),
+        ("chain_worlds=[shelf,shelf]", "chain_worlds names a world twice"),
+        ("chain_worlds=[ant]", "chain_worlds names ant; worlds has: door, pick_place"),
+        ("+overrides.chain_recoveries=['compare=[sac]']", "compare names sac; learners has: rc, lazy_rc, pp, rl"),
         ("recovery_worlds=[door,door]", "recovery_worlds names a world twice"),
         ("recovery_worlds=[shelf]", "world.name: given 'shelf'; no symbols, so no skill graph; worlds that have: door"),
         ("+overrides.discover=['strategy=optimistic']", "strategy: given 'optimistic'"),

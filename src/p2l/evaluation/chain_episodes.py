@@ -1,18 +1,111 @@
-"""Episodes of the whole robot, one row each, and what they add up to (thesis, table 5.1)."""
+"""Episodes of the whole robot, one row each, and what they add up to (thesis, table 5.1).
+
+A learner's episodes of one seed are an item of the ledger (`p2l.ledger`), so that tables can be built on a machine that
+ran none of them. Seeds of start states have a path of their own: learning never met them. All learners of a seed meet
+the same start states, the same nominal runs and so the same failures.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
+from p2l.artifacts import config_hash
 from p2l.evaluation.statistics import wilson_interval
-from p2l.recoveries.chaining.execute import Overall
-from p2l.recoveries.chaining.policy import Card
+from p2l.ledger import Item, find, write
+from p2l.recoveries.chaining.agent import Agent
+from p2l.recoveries.chaining.execute import Overall, nominal_part, overall
+from p2l.recoveries.chaining.policy import Card, Policy, policy_hash
 from p2l.recoveries.chaining.pool import action_names
+from p2l.seeding import generator
+from p2l.skills.chain import Execution
 from p2l.skills.option import Option
+from p2l.worlds.world import Rows, World
+
+VERSION = 1  # raise it when an edit of the code changes episodes: committed records know no code
+FLAGS = ("nominal", "flagged", "success", "diverged")
+Agents = Mapping[str, tuple[Agent, Policy]]
+
+
+@dataclass(frozen=True)
+class Book:
+    """Where items are looked up, and what they are functions of besides the policy.
+
+    Attributes:
+        records: folder of the ledger.
+        code: hash of the code, or empty for committed records.
+        item: name of the world, or of a variant of it.
+        slots: episodes at once.
+    """
+
+    records: Path
+    code: str
+    item: str
+    slots: int
+
+    def entry(self, method: str, seed: int, agent: Agent, policy: Policy, *rest: Any) -> Item:
+        """The item of a policy, what it hands over by included; `rest` is all else that decides it."""
+        handing = {} if agent.preconditions is None else agent.preconditions.arrays()
+        plain = {name: values.tolist() for name, values in handing.items()}
+        decisive = [VERSION, self.code, seed, policy_hash(policy), plain, *rest]
+        return Item(self.item, method, seed, 0, config_hash(decisive))
+
+
+def episodes_of_seed(
+    book: Book,
+    world: World,
+    nominal: Sequence[Option],
+    seed: int,
+    agents: Agents,
+    episodes: int,
+    progress: Callable[[int], None] | None = None,
+) -> pd.DataFrame:
+    """Every learner's episodes, from records or by running them, which leaves records; see `episode_rows`.
+
+    Args:
+        book: the ledger.
+        world: where.
+        nominal: the chain.
+        seed: of the start states, and of the policies.
+        agents: by learner.
+        episodes: for each.
+        progress: told 1 after each learner.
+    """
+    plain: tuple[Rows, Execution] | None = None
+    tables = []
+    for learner, (agent, policy) in agents.items():
+        names = [option.name for option in nominal]
+        item = book.entry(f"{learner}_episodes", seed, agent, policy, world.digest, episodes, names)
+        if (known := find(book.records, item)) is None:
+            if plain is None:
+                starts = world.sample(generator(seed, "evaluate_chains", world.name, "starts"), episodes)
+                plain = starts, nominal_part(world, nominal, starts, slots=book.slots)
+            begun = time.perf_counter()
+            rows = episode_rows(overall(world, nominal, agent, *plain), policy.card, nominal)
+            known = {"episodes": _columns(rows)}
+            write(book.records, item, known, seconds=time.perf_counter() - begun)
+        tables.append(_table(known["episodes"]).assign(learner=learner, seed=seed))
+        if progress is not None:
+            progress(1)
+    table = pd.concat(tables, ignore_index=True)
+    return table[["learner", "seed", *(name for name in table.columns if name not in ("learner", "seed"))]]
+
+
+def _columns(rows: pd.DataFrame) -> dict[str, list[Any]]:
+    kept = rows.drop(columns=["learner", "seed", "episode"])
+    return {str(name): (column.astype(int) if name in FLAGS else column).tolist() for name, column in kept.items()}
+
+
+def _table(columns: Mapping[str, list[Any]]) -> pd.DataFrame:
+    table = pd.DataFrame(columns).astype({**dict.fromkeys(FLAGS, bool), "steps": "int64", "actions": str})
+    table.insert(0, "episode", np.arange(len(table)))
+    return table
 
 
 def episode_rows(found: Overall, card: Card, nominal: Sequence[Option]) -> pd.DataFrame:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Literal
+
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from p2l.evaluation.style import MethodStyle, label_ends, plain
+from p2l.records import Array
 
 LEARNERS: dict[str, MethodStyle] = {
     "rc": MethodStyle("RC", "#0072B2", "o", 2.6),
@@ -19,7 +22,7 @@ OPTION_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00")
 
 
 def learning_curves(table: pd.DataFrame) -> Figure:
-    """Success of evaluations against control steps, one panel per world, bands where there are several seeds.
+    """Success of evaluations against control steps, one panel per world, bands (95 % t) where there are several seeds.
 
     Args:
         table: of `chain_tables.figure_5_5`.
@@ -32,14 +35,14 @@ def learning_curves(table: pd.DataFrame) -> Figure:
         for learner, part in rows[rows["world"] == world].groupby("method", sort=False):
             style = LEARNERS[str(learner)]
             x, mean = part["control_steps"].to_numpy() / 1000.0, part["mean"].to_numpy()
-            axes.plot(x, mean, color=style.colour, lw=style.width)
-            _band(axes, x, part, style.colour)
+            axes.plot(x, mean, color=style.colour, lw=style.width, drawstyle="steps-post")
+            _band(axes, x, part, style.colour, step="post")
             ends.append((float(x[-1]), float(mean[-1]), style.label, style.colour))
         axes.set(ylim=(-0.02, 1.02), xlim=(0, None), xlabel="simulated control steps, thousands")
         axes.set_title(world.replace("_", " "))
         plain(axes)
         label_ends(axes, ends)
-    figure.axes[0].set_ylabel("success of evaluations")
+    figure.axes[0].set_ylabel("success of evaluations in training")
     return figure
 
 
@@ -62,16 +65,18 @@ def options_tried(table: pd.DataFrame, world: str, learner: str = "rc") -> Figur
         axes.plot(x, mean, color=colour, lw=1.5)
         _band(axes, x, part, colour)
         ends.append((float(x[-1]), float(mean[-1]), str(option).replace("_", " "), colour))
-    axes.set(xlabel="round of 120 decisions", ylabel="times tried", ylim=(0, None), xlim=(0, None))
+    axes.set(xlabel="round of 120 decisions", ylabel="times tried in a round", ylim=(0, None), xlim=(0, None))
     axes.set_title(f"{world.replace('_', ' ')}: nominal options tried by {LEARNERS[learner].label}")
     plain(axes)
-    label_ends(axes, ends)
+    if ends:  # learners without nominal options try none
+        label_ends(axes, ends)
     return figure
 
 
-def _band(axes: Axes, x: np.typing.NDArray[np.float64], part: pd.DataFrame, colour: str) -> None:
+def _band(axes: Axes, x: Array, part: pd.DataFrame, colour: str, step: Literal["post"] | None = None) -> None:
     if part["low"].notna().all():
-        axes.fill_between(x, part["low"].to_numpy(), part["high"].to_numpy(), color=colour, alpha=0.15, lw=0)
+        low, high = part["low"].to_numpy(), part["high"].to_numpy()
+        axes.fill_between(x, low, high, color=colour, alpha=0.15, lw=0, step=step)
 
 
 def _with_numbers(table: pd.DataFrame, number: str) -> pd.DataFrame:

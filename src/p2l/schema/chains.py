@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, Field
+from pydantic import AfterValidator, Field, model_validator
 
 from p2l.recoveries.chaining.learners import known_learners
 from p2l.schema.base import Count, NotNegative, Positive, Probability, Section
@@ -20,6 +20,7 @@ def known_learner(name: str) -> str:
 
 
 Learner = Annotated[str, AfterValidator(known_learner)]
+Seed = Annotated[int, Field(ge=0)]
 
 
 class LearnerConfig(Section):
@@ -64,10 +65,18 @@ class EvaluationConfig(Section):
 
 
 class ChainRecoveriesConfig(WorldStageConfig):
-    """Stage `chain_recoveries`: learn a recovery policy from recorded failures."""
+    """Stage `chain_recoveries`: learn a recovery policy from recorded failures.
+
+    Without `compare`, one run: `learner` with `seed`. With it, those of `learners`, each with every one of `seeds`;
+    `records` holds finished ones of them.
+    """
 
     failures: Path
     learner: LearnerConfig
+    compare: tuple[str, ...]
+    seeds: tuple[Seed, ...]
+    learners: dict[str, LearnerConfig]
+    records: Path | None
     limits: LimitsConfig
     budget: Count
     slots: Count
@@ -76,21 +85,53 @@ class ChainRecoveriesConfig(WorldStageConfig):
 
     @property
     def method(self) -> str:
-        """The learner."""
-        return self.learner.name
+        """The learner, or all that are compared."""
+        return "learners" if self.compare else self.learner.name
+
+    def alone(self, learner: str, seed: int) -> ChainRecoveriesConfig:
+        """One run of those that are compared, as it would be configured for itself."""
+        chosen = {"learner": self.learners[learner], "seed": seed}
+        return self.model_copy(update={**chosen, "compare": (), "seeds": (), "learners": {}, "records": None})
+
+    @model_validator(mode="after")
+    def _runs(self) -> ChainRecoveriesConfig:
+        if unknown := sorted(set(self.compare) - set(self.learners)):
+            raise ValueError(f"compare names {', '.join(unknown)}; learners has: {', '.join(self.learners) or 'none'}")
+        if self.compare and not self.seeds:
+            raise ValueError("compare needs seeds: name at least one")
+        return self
+
+
+class TransferConfig(Section):
+    """Table 5.2: policies, unchanged, in worlds that they were not learnt in.
+
+    Attributes:
+        learners: whose policies.
+        failures: to induce for each policy and variant; none: the table is left out.
+        robosuite_failures: to induce in robosuite's own environment, where there is one; one row at a time.
+        variants: by name, the world's parameters that differ.
+    """
+
+    learners: tuple[Learner, ...]
+    failures: Annotated[int, Field(ge=0)]
+    robosuite_failures: Annotated[int, Field(ge=0)]
+    variants: dict[str, dict[str, Any]]
 
 
 class EvaluateChainsConfig(WorldStageConfig):
     """Stage `evaluate_chains`: the whole robot on start states that nobody has seen.
 
-    `policies` holds the runs of `chain_recoveries` as `<learner>/s<seed>`.
+    `learnt` is the folder of `chain_recoveries`: it holds policies/<learner>/s<seed>, rounds.csv and evaluations.csv.
     """
 
-    policies: Path
+    learnt: Path
+    thesis: Path
+    records: Path | None
     learners: Annotated[tuple[Learner, ...], Field(min_length=1)]
-    seeds: Annotated[tuple[Annotated[int, Field(ge=0)], ...], Field(min_length=1)]
+    seeds: Annotated[tuple[Seed, ...], Field(min_length=1)]
     episodes: Count
     slots: Count
+    transfer: TransferConfig
 
     @property
     def method(self) -> str:

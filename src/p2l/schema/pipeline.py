@@ -20,13 +20,14 @@ def _known_domains(names: tuple[str, ...]) -> tuple[str, ...]:
 class ItemsConfig(StageConfig):
     """What the pipeline runs (see `conf/pipeline.yaml`): `worlds` are names of files in `conf/world/`.
 
-    `recovery_worlds` are those of them that go on to chapter 4's stages.
+    `recovery_worlds` are those of them that go on to chapter 4's stages, `chain_worlds` to chapter 5's.
     """
 
     preset: str
     domains: tuple[str, ...]
     worlds: tuple[str, ...]
     recovery_worlds: tuple[str, ...]
+    chain_worlds: tuple[str, ...]
     overrides: dict[str, tuple[str, ...]] = Field(default_factory=dict)
 
 
@@ -47,10 +48,10 @@ class ConfigStageConfig(ItemsConfig):
         items = [*self.domains, *self.worlds]
         if twice := sorted({item for item in items if items.count(item) > 1}):
             raise ValueError(f"domains and worlds name {', '.join(twice)} twice; none twice, for each has one folder")
-        if apart := [world for world in self.recovery_worlds if world not in self.worlds]:
-            raise ValueError(
-                f"recovery_worlds names {', '.join(apart)}; worlds has: {', '.join(self.worlds) or 'none'}"
-            )
-        if len(set(self.recovery_worlds)) < len(self.recovery_worlds):
-            raise ValueError("recovery_worlds names a world twice")
+        for kind in ("recovery_worlds", "chain_worlds"):
+            names: tuple[str, ...] = getattr(self, kind)
+            if apart := [world for world in names if world not in self.worlds]:
+                raise ValueError(f"{kind} names {', '.join(apart)}; worlds has: {', '.join(self.worlds) or 'none'}")
+            if len(set(names)) < len(names):
+                raise ValueError(f"{kind} names a world twice")
         return self

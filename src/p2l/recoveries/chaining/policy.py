@@ -18,7 +18,7 @@ import numpy as np
 import torch
 from torch.nn import functional
 
-from p2l.artifacts import load_network, save_network
+from p2l.artifacts import config_hash, load_network, save_network
 from p2l.errors import ArtifactError, ShapeError
 from p2l.records import Array, IntArray, freeze
 from p2l.recoveries.chaining.mdp import Limits
@@ -159,6 +159,12 @@ def load_policy(folder: Path) -> Policy:
             f"{folder / FILE}: the network goes from {ends[0]} columns to {ends[1]} actions; see its card"
         )
     return policy
+
+
+def policy_hash(policy: Policy) -> str:
+    """Identifies a policy by what it does, and by where it was learnt."""
+    weights = {name: tensor.tolist() for name, tensor in policy.weights.items()}
+    return config_hash([policy.card.plain(), weights])
 
 
 def check_policy(

@@ -1,0 +1,116 @@
+"""What `evaluate_chains` leaves for people: tables 5.1 and 5.2, figures 5.5 and 5.8, headline numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import pandas as pd
+from matplotlib.figure import Figure
+
+from p2l.artifacts import atomic, finite, save_json
+from p2l.errors import ArtifactError
+from p2l.evaluation import chain_tables as tables
+from p2l.evaluation.chain_episodes import totals
+from p2l.evaluation.chain_figures import learning_curves, options_tried
+from p2l.evaluation.chain_transfer import TABLE as TRANSFERS
+from p2l.evaluation.chain_transfer import table_5_2
+from p2l.evaluation.style import png
+from p2l.evaluation.thesis import load_thesis
+
+CHAPTER = 5
+STEPS = "steps_to_thesis"
+MAIN = "rc"
+_NEEDED = {"rounds": ("learner", "seed", "round"), "evaluations": ("learner", "seed", "control_steps", "success")}
+
+
+@dataclass(frozen=True)
+class Evaluated:
+    """All that was run in one world, and how it was learnt.
+
+    Attributes:
+        item: the world, or a variant of it.
+        episodes: of `chain_episodes`.
+        runs: of `chain_recoveries`.
+        transfers: of `chain_transfer.transfer_of_seed`.
+    """
+
+    item: str
+    episodes: pd.DataFrame
+    runs: Sequence[tables.Learning]
+    transfers: pd.DataFrame
+
+
+def read_runs(folder: Path, learners: Sequence[str], seeds: Sequence[int]) -> list[tables.Learning]:
+    """Curves of the runs that are evaluated, from `rounds.csv` and `evaluations.csv`.
+
+    Raises:
+        ArtifactError: missing, without a needed column, or without one of the runs.
+    """
+    found = {name: _read(folder / f"{name}.csv", columns) for name, columns in _NEEDED.items()}
+    runs = []
+    for learner in learners:
+        for seed in seeds:
+            parts = {name: _of(table, learner, seed) for name, table in found.items()}
+            if not all(len(part) for part in parts.values()):
+                raise ArtifactError(
+                    f"{folder}: holds no curves of {learner}, seed {seed}; run `python -m stages.chain_recoveries` "
+                    f"with compare=[{learner}] seeds=[{seed}]"
+                )
+            runs.append(tables.Learning(learner, seed, parts["rounds"], parts["evaluations"]))
+    return runs
+
+
+def chain_report(out: Path, found: Evaluated, thesis: Path) -> tuple[dict[str, float], list[Path]]:
+    """Write the tables as CSV, the figures as PNG, and summary.json.
+
+    Returns:
+        headline numbers, and the files.
+    """
+    told, runs = load_thesis(thesis, CHAPTER), {found.item: found.runs}
+    made = {tables.TABLE: tables.table_5_1({found.item: found.episodes}, told)}
+    made[TRANSFERS] = table_5_2(found.item, found.transfers, told)
+    made[tables.CURVES] = tables.figure_5_5(runs, told)
+    made[tables.TRIED] = tables.figure_5_8(runs, told)
+    made[STEPS] = tables.steps_to_thesis(made[tables.TABLE], runs, told)
+    figures = {
+        tables.CURVES: learning_curves(made[tables.CURVES]),
+        tables.TRIED: options_tried(made[tables.TRIED], found.item, MAIN),
+    }
+    for name, table in made.items():
+        with atomic(out / f"{name}.csv") as temporary:
+            table.to_csv(temporary, index=False, float_format="%.6g")
+    for name, figure in figures.items():
+        _save(out / f"{name}.png", figure)
+    facts = {str(learner): totals(part) for learner, part in found.episodes.groupby("learner", sort=False)}
+    save_json(out / "summary.json", {"learners": facts}, schema="chain_evaluation", version=1)
+    numbers = {f"{learner}/{name}": one["mean"] for learner, part in facts.items() for name, one in part.items()}
+    for row in made[TRANSFERS].to_dict("records"):
+        if row["metric"] == "recovery":
+            numbers[f"{row['method']}/{str(row['setting']).rpartition('=')[2]}/recovery"] = row["mean"]
+    files = [*(out / f"{name}.csv" for name in made), *(out / f"{name}.png" for name in figures)]
+    return {name: value for name, value in numbers.items() if finite(value) is not None}, files
+
+
+def _read(path: Path, columns: Sequence[str]) -> pd.DataFrame:
+    try:
+        table = pd.read_csv(path)
+    except (OSError, ValueError) as error:
+        raise ArtifactError(f"{path}: cannot be read ({error}); run `python -m stages.chain_recoveries`") from error
+    if missing := [name for name in columns if name not in table]:
+        raise ArtifactError(
+            f"{path}: lacks columns {', '.join(missing)}; run `python -m stages.chain_recoveries` with compare=[…]"
+        )
+    return table
+
+
+def _of(table: pd.DataFrame, learner: str, seed: int) -> pd.DataFrame:
+    """One run's rows; columns of other learners' actions go."""
+    rows = table[(table["learner"] == learner) & (table["seed"] == seed)]
+    return rows.dropna(axis=1, how="all").reset_index(drop=True)
+
+
+def _save(path: Path, figure: Figure) -> None:
+    with atomic(path) as temporary:
+        temporary.write_bytes(png(figure))
