@@ -3,6 +3,7 @@
 # Run it again after an interruption or after new commits: DVC continues where it stopped, and finished items, which
 # land in results/thesis/ of this repository, are not run again, here or on the next machine.
 # TARGETS names DVC stages to stop at, such as evaluate_recoveries@door; then the report's tables stay as they are.
+# OVERRIDES is the line of that name in conf/pipeline.yaml, for a part of the runs: {chain_recoveries: ["seeds=[0]"]}.
 set -euo pipefail
 shopt -s nullglob
 
@@ -18,7 +19,8 @@ if [ "$(cat "$clone/.git/thesis-head" 2> /dev/null || true)" != "$head" ]; then
   rm -rf "$clone/results/thesis"
   git -C "$clone" fetch --quiet origin
   git -C "$clone" checkout --quiet --force --detach "$head"
-  sed -i 's/^preset: [a-z]*/preset: thesis/' "$clone/conf/pipeline.yaml"
+  sed -i -e 's/^preset: [a-z]*/preset: thesis/' \
+    -e 's/^chain_worlds: \[.*\]/chain_worlds: [pick_place, shelf, cluttered_shelf]/' "$clone/conf/pipeline.yaml"
   [ -f "$clone/.git/thesis-lock" ] && cp "$clone/.git/thesis-lock" "$clone/dvc.lock"
   mkdir -p "$root/results/thesis" "$clone/results"
   rm -rf "$clone/results/thesis"
@@ -28,6 +30,8 @@ if [ "$(cat "$clone/.git/thesis-head" 2> /dev/null || true)" != "$head" ]; then
 fi
 
 cd "$clone"
+none='{}'
+sed -i "s|^overrides: .*|overrides: ${OVERRIDES:-$none}|" conf/pipeline.yaml
 read -ra targets <<< "${TARGETS:-}"
 dvc repro "${targets[@]}"
 [ ${#targets[@]} -eq 0 ] || exit 0

@@ -1,0 +1,42 @@
+#!/usr/bin/env bash
+# Chapter 5 at thesis scale: three worlds, four learners, five seeds; then tables 5.1 and 5.2, figures 5.5 and 5.8.
+# Run it again after an interruption: every finished run (<world>-<learner>-s<seed>-b0.json, its policy in policies/) and
+# every evaluation (<world>-<learner>_episodes-…, <world>-<learner>_to_<variant>-…) is in results/thesis/records/ as soon
+# as it ends; commit them, and the next machine goes on from there. A run under way goes on from its checkpoint here.
+#
+#   scripts/thesis_chapter5.sh                                   # all of it
+#   WORLDS=pick_place LEARNERS=rc,pp SEEDS=0,1 scripts/thesis_chapter5.sh   # a part; the rest can follow
+set -euo pipefail
+
+root=$(git -C "$(dirname "${BASH_SOURCE[0]}")" rev-parse --show-toplevel)
+clone=${1:-$root/build/thesis}
+results=$root/results/thesis
+read -ra worlds <<< "${WORLDS:-pick_place shelf cluttered_shelf}"
+mkdir -p "$results/tables" "$results/figures" "$results/metrics"
+
+learning=() judging=()
+if [ -n "${LEARNERS:-}" ]; then
+  learning+=("\"compare=[$LEARNERS]\"") judging+=("\"learners=[$LEARNERS]\"")
+fi
+if [ -n "${SEEDS:-}" ]; then
+  learning+=("\"seeds=[$SEEDS]\"") judging+=("\"seeds=[$SEEDS]\"")
+fi
+join() { local IFS=,; echo "$*"; }
+TARGETS=$(printf 'evaluate_chains@%s ' "${worlds[@]}") \
+  OVERRIDES="{chain_recoveries: [$(join "${learning[@]}")], evaluate_chains: [$(join "${judging[@]}")]}" \
+  "$root/scripts/thesis.sh" "$clone"
+
+for name in table_5_1 table_5_2 figure_5_5 figure_5_8 steps_to_thesis; do
+  first=$clone/data/evaluate_chains/${worlds[0]}/$name.csv
+  { head -n 1 "$first"; for world in "${worlds[@]}"; do tail -n +2 "$clone/data/evaluate_chains/$world/$name.csv"; done; } \
+    > "$results/tables/$name.csv"
+done
+for world in "${worlds[@]}"; do
+  for name in figure_5_5 figure_5_8; do
+    cp "$clone/data/evaluate_chains/$world/$name.png" "$results/figures/${name}_$world.png"
+  done
+  for stage in discover chain_recoveries evaluate_chains; do
+    cp "$clone/data/$stage/$world/summary.json" "$results/metrics/$stage-$world-summary.json"
+  done
+done
+echo "tables and figures of chapter 5 are in $results, policies with their cards in $results/records/policies"
