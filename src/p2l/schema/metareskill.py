@@ -65,6 +65,7 @@ class QueryConfig(Section):
 
     updates: Count
     rollouts: Annotated[int, Field(ge=2)]
+    hopeless: Count
     epsilon: Positive
     minimum_temperature: Positive
     solved: Annotated[float, Field(gt=0, le=1)]
