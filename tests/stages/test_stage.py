@@ -187,6 +187,7 @@ NEEDS = {
     "config": set(),
     "fit_preconditions": {"mujoco", "matplotlib"},
     "fit_transfer": {"torch", "matplotlib"},
+    "iterate_recoveries": {"mujoco", "matplotlib", "sklearn"},
     "learn_recoveries": {"mujoco", "matplotlib"},
     "plan": set(),
     "evaluate_chains": {"mujoco", "torch", "matplotlib"},

@@ -131,19 +131,20 @@ def train_recoveries(
     *,
     rounds: int,
     episodes: int = 1,
+    history: History | None = None,
     report: Callable[[History], None] | None = None,
 ) -> History:
-    """All rounds of one chooser; `report` is told the history after each.
+    """All rounds of one chooser, those of an earlier `history` included; `report` is told the history after each.
 
     What the ledger already holds is not trained again, so an interrupted training repeats its choices at once and goes
     on, to the bit.
     """
-    history = History(graph.q)
+    done = History(graph.q) if history is None else history
     rng = generator(trainer.seed, "choose", chooser.name)
-    for history in learn(graph, chooser, trainer, rounds=rounds, rng=rng, episodes=episodes):
+    for done in learn(graph, chooser, trainer, rounds=rounds, rng=rng, history=history, episodes=episodes):
         if report is not None:
-            report(history)
-    return history
+            report(done)
+    return done
 
 
 def record_history(

@@ -11,7 +11,12 @@ from collections.abc import Mapping
 
 from p2l.schema.base import StageConfig, resolve, validate
 from p2l.schema.chains import ChainRecoveriesConfig, EvaluateChainsConfig
-from p2l.schema.metareskill import EvaluateRecoveriesConfig, FitPreconditionsConfig, LearnRecoveriesConfig
+from p2l.schema.metareskill import (
+    EvaluateRecoveriesConfig,
+    FitPreconditionsConfig,
+    IterateRecoveriesConfig,
+    LearnRecoveriesConfig,
+)
 from p2l.schema.pipeline import ConfigStageConfig, ReportConfig
 from p2l.schema.recovery import ClusterConfig, DiscoverConfig, WatchConfig
 from p2l.schema.team import CollectConfig, EvaluateTeamConfig, FitTransferConfig, PlanConfig
@@ -26,6 +31,7 @@ SCHEMAS: Mapping[str, type[StageConfig]] = {
     "cluster": ClusterConfig,
     "learn_recoveries": LearnRecoveriesConfig,
     "evaluate_recoveries": EvaluateRecoveriesConfig,
+    "iterate_recoveries": IterateRecoveriesConfig,
     "chain_recoveries": ChainRecoveriesConfig,
     "evaluate_chains": EvaluateChainsConfig,
     "watch": WatchConfig,
@@ -45,6 +51,7 @@ __all__ = [
     "EvaluateTeamConfig",
     "FitPreconditionsConfig",
     "FitTransferConfig",
+    "IterateRecoveriesConfig",
     "LearnRecoveriesConfig",
     "PlanConfig",
     "ReportConfig",

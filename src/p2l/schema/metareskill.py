@@ -1,4 +1,4 @@
-"""Configurations of chapter 4's stages: `fit_preconditions`, `learn_recoveries`, `evaluate_recoveries`."""
+"""Configurations of chapter 4's stages, and of its failure rounds, which are run by hand."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from p2l.recoveries.strategy import STRATEGIES
 from p2l.schema.base import Count, Positive, Probability, Section
-from p2l.schema.recovery import DescribedWorldConfig, VideoConfig, WorldStageConfig
+from p2l.schema.recovery import DescribedWorldConfig, ExecutionsConfig, VideoConfig, WorldStageConfig
 
 
 def known_strategy(name: str) -> str:
@@ -134,6 +134,20 @@ class LearnRecoveriesConfig(RecoveryFilesConfig):
         if len(set(self.compare)) < len(self.compare) or len(set(self.seeds)) < len(self.seeds):
             raise ValueError("compare or seeds names something twice")
         return self
+
+
+class IterateRecoveriesConfig(LearnRecoveriesConfig):
+    """Stage `iterate_recoveries`: `failure_rounds` of learning, each on what the one before it left unsolved.
+
+    `executions` are run with the recoveries in place to find new failures, and `development` episodes to see success.
+    """
+
+    failure_rounds: Count
+    executions: ExecutionsConfig
+    max_modes: Count
+    development: Count
+    max_options: Count
+    slots: Count
 
 
 class EvaluateRecoveriesConfig(RecoveryFilesConfig):
