@@ -45,7 +45,7 @@ from p2l.skills.relative import SIZE
 from p2l.worlds.world import Rows
 
 TRIALS = 50
-OPTIONS = QueryOptions(solved=1.0)
+OPTIONS = QueryOptions(hopeless=10)  # none is given up before it has cost all there is to it
 
 
 def seconds(work: Callable[[], object]) -> float:
