@@ -29,7 +29,7 @@ ABOUT = (
 @stage("report", ReportConfig)
 def run(cfg: ReportConfig, out: Path, track: Tracker) -> None:
     """Make every section, then write the page, its tables and figures, and the headline numbers."""
-    sources = Sources(cfg.data, cfg.thesis, cfg.domains, cfg.worlds, cfg.recovery_worlds)
+    sources = Sources(cfg.data, cfg.thesis, cfg.domains, cfg.worlds, cfg.recovery_worlds, cfg.chain_worlds)
     sections = []
     with bar("report") as show:
         for done, make in enumerate(SECTIONS, start=1):

@@ -57,6 +57,7 @@ class Sources:
         domains: domains of the pipeline; what lies in `data` for others is not read.
         worlds: the same for manipulation worlds.
         recovery_worlds: those of them that learn recoveries to preconditions.
+        chain_worlds: those of them that learn where and how to recover.
     """
 
     data: Path
@@ -64,6 +65,7 @@ class Sources:
     domains: tuple[str, ...]
     worlds: tuple[str, ...] = ()
     recovery_worlds: tuple[str, ...] = ()
+    chain_worlds: tuple[str, ...] = ()
 
     def chapter(self, number: int) -> Thesis:
         """Numbers and claims of a chapter."""

@@ -13,6 +13,7 @@ from p2l.evaluation.style import METHODS
 
 FLOW = ("collect", "fit_transfer", "plan", "evaluate_team")
 WORLD_FLOW = ("discover", "cluster", "fit_preconditions", "learn_recoveries", "evaluate_recoveries")
+CHAIN_FLOW = ("discover", "chain_recoveries", "evaluate_chains")
 
 
 def estimate(mean: float, low: float = math.nan, high: float = math.nan, digits: int = 0) -> str:
@@ -80,7 +81,7 @@ def missing(title: str, domains: Sequence[str], sources: Sources) -> Section:
 
 def stage_commands(last: str, items: Sequence[str]) -> list[str]:
     """The stages up to `last` of each item, a domain or a world; each reads what the one before it left."""
-    flow = FLOW if last in FLOW else WORLD_FLOW
+    flow = next(one for one in (FLOW, WORLD_FLOW, CHAIN_FLOW) if last in one)
     return [
         f"python -m stages.{stage} -cp data/config/{item} -cn {stage} hydra.run.dir=data/{stage}/{item}"
         for item in items

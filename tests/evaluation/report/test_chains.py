@@ -1,0 +1,99 @@
+"""Chapter 5's sections over tables made by hand: agreement with the thesis, headline numbers, and worlds left out."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from p2l.errors import ArtifactError
+from p2l.evaluation.chain_tables import Learning, figure_5_5, figure_5_8, steps_to_thesis, table_5_1
+from p2l.evaluation.chain_transfer import table_5_2
+from p2l.evaluation.report import chains
+from p2l.evaluation.report.page import Picture, Reading, render
+from p2l.evaluation.report.sources import Sources
+from p2l.evaluation.thesis import load_thesis
+
+THESIS = "data/thesis"
+WORLDS = ("pick_place", "shelf")
+
+
+def episodes(learner, recovered, nominal=60, count=100):
+    """`nominal` successes, then failures of which the first `recovered` are recovered."""
+    place = np.arange(count)
+    rows = {"episode": place, "nominal": place < nominal, "flagged": place >= nominal, "diverged": False}
+    return pd.DataFrame({**rows, "success": place < nominal + recovered, "learner": learner, "seed": 0})
+
+
+def run(learner, success, chosen):
+    evaluations = pd.DataFrame({"control_steps": [0, 100, 200], "success": success})
+    rounds = pd.DataFrame(chosen, columns=["chosen:from pick", "chosen:from place"])
+    return Learning(learner, 0, rounds, evaluations)
+
+
+def tables(world, recovered, thesis):
+    table = pd.concat([episodes("rc", recovered), episodes("pp", 4), episodes("rl", 0, nominal=0)], ignore_index=True)
+    commits = [(3, 3)] * 10 + [(1, 30)] * 10
+    runs = {world: [run("rc", [0.0, 0.4, 0.9], commits), run("pp", [0.0, 0.3, 0.2], [(0, 0)] * 20)]}
+    moved = {"variant": ["box", "can"], "learner": "rc", "seed": 0, "failures": 10, "recovered": [10, 2]}
+    none = pd.DataFrame(moved).iloc[:0]
+    first = table_5_1({world: table}, thesis)
+    return {
+        "table_5_1": first,
+        "table_5_2": table_5_2(world, pd.DataFrame(moved) if world == "shelf" else none, thesis),
+        "figure_5_5": figure_5_5(runs, thesis, points=5),
+        "figure_5_8": figure_5_8(runs, thesis),
+        "steps_to_thesis": steps_to_thesis(first, runs, thesis),
+    }
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    data, thesis = tmp_path_factory.mktemp("data"), load_thesis(THESIS, 5)
+    for world, recovered in zip(WORLDS, (38, 22), strict=True):
+        folder = data / "evaluate_chains" / world
+        folder.mkdir(parents=True)
+        for name, table in tables(world, recovered, thesis).items():
+            table.to_csv(folder / f"{name}.csv", index=False)
+    return Sources(data, THESIS, (), WORLDS, (), WORLDS)
+
+
+def readings(section):
+    return [part for part in section.parts if isinstance(part, Reading)]
+
+
+def test_every_world_is_judged_and_their_order_too(made):
+    section = chains.table_5_1(made)
+    assert [one.agrees for one in readings(section)] == ["yes", "partly", "yes"]  # the shelf falls short of 83.2 %
+    assert "RC 98.0" in readings(section)[-1].ours
+    assert section.metrics["table_5_1/pick_place/rc/success"] == 0.98
+    assert section.metrics["table_5_1/shelf/rc/recovery"] == pytest.approx(22 / 40)
+    [sheet] = section.sheets
+    assert sheet.head == ["", "Nominal", "Nominal + RC", "Nominal + PP", "RL"]
+    assert [row[0] for row in sheet.rows] == ["pick place", "– thesis", "shelf", "– thesis"]
+    assert sheet.rows[3][1:] == ["46 %", "83.2 %", "56 %", "0 %"]
+    assert set(sheet.long["setting"]) == {"world=pick_place", "world=shelf"}
+    assert "chain_recoveries" in section.commands[1]
+
+
+def test_curves_and_options_come_with_their_tables(made):
+    curves, options = chains.figure_5_5(made), chains.figure_5_8(made)
+    assert [one.agrees for one in (*readings(curves), *readings(options))] == ["yes", "yes", "yes"]
+    assert "place is 50% of the options chosen in the first tenth of the rounds and 97%" in readings(options)[0].ours
+    pictures = [part.name for section in (curves, options) for part in section.parts if isinstance(part, Picture)]
+    assert pictures == ["figure_5_5", "figure_5_8", "figure_5_8_shelf"]
+    assert [sheet.name for sheet in curves.sheets] == ["figure_5_5", "steps_to_thesis"]
+    assert render("title", ["about"], [curves, options]).count("<img") == 3
+
+
+def test_transfer_is_judged_where_the_thesis_has_numbers(made):
+    section = chains.table_5_2(made)
+    assert readings(section)[0].agrees == "partly"  # 2 of 10 cans are not the thesis's 4 of 5
+    assert section.metrics["table_5_2/shelf/box/rc"] == 1.0
+
+
+def test_left_out_or_missing_is_said(made, tmp_path):
+    for section in chains.SECTIONS:
+        assert "Left out" in section(Sources(made.data, THESIS, (), WORLDS)).parts[0]
+    lone = Sources(made.data, THESIS, (), WORLDS, (), ("pick_place",))
+    assert "Left out: the preset induces no failures elsewhere" in chains.table_5_2(lone).parts[0]
+    with pytest.raises(ArtifactError, match="dvc repro evaluate_chains"):
+        chains.table_5_1(Sources(tmp_path, THESIS, (), WORLDS, (), WORLDS))
