@@ -25,18 +25,13 @@ def folder(tmp_path_factory):
     return made
 
 
+# Absolute poses from few solved queries: recoveries that leave something to learn.
+LEARN = {"regression": "absolute", "rounds": 12, "query": {"updates": 1, "rollouts": 4, "solved": 0.25}}
+
+
 def iterate(folder, out, **changes):
-    # Absolute poses from few solved queries: recoveries that leave something to learn.
-    query = {"updates": 1, "rollouts": 4, "solved": 0.25}
-    settings = {
-        "regression": "absolute",
-        "rounds": 12,
-        "max_modes": 2,
-        "executions": {"train": 60, "held_out": 40},
-        "development": 20,
-    }
-    settings |= {"development": 12, "max_options": 4}
-    recovering.run("iterate_recoveries", out, **{**recovering.found(folder), "query": query, **settings, **changes})
+    budget = {"max_modes": 2, "executions": {"train": 60, "held_out": 40}, "development": 12, "max_options": 4}
+    recovering.run("iterate_recoveries", out, **{**recovering.found(folder), **LEARN, **budget, **changes})
 
 
 def test_a_second_round_goes_on_from_the_first(folder, tmp_path):
@@ -62,12 +57,23 @@ def test_a_second_round_goes_on_from_the_first(folder, tmp_path):
     failures = load_failures(rounds[0] / "failures_train.npz", "train")
     assert len(failures) == mine.loc[2, "found"] == second.graph.sizes[2:].sum()
     assert set(failures.option_names()) == {"recovery"}
-    assert (out / "records" / "push-ledger-s0-r2.npz").is_file()
 
-    before = {path: path.stat().st_mtime_ns for path in (out / "records").iterdir()}
+    before = {path: path.stat().st_mtime_ns for path in out.glob("**/ledger.npz")}
+    assert len(before) == 2
     iterate(folder, out)  # as after a kill: nothing is asked again
-    assert before == {path: path.stat().st_mtime_ns for path in (out / "records").iterdir()}
+    assert before == {path: path.stat().st_mtime_ns for path in out.glob("**/ledger.npz")}
     pd.testing.assert_frame_equal(pd.read_csv(out / "success.csv"), table)
+
+
+def test_the_first_round_asks_nothing_that_learn_recoveries_has_asked(folder, tmp_path):
+    records = str(tmp_path / "records")
+    recovering.learn(folder, tmp_path / "learn", **LEARN, compare=["metareskill"], records=records)
+    before = {path: path.stat().st_mtime_ns for path in (tmp_path / "records").iterdir()}
+    iterate(folder, tmp_path / "out", failure_rounds=1, development=2, records=records)
+    assert before == {path: path.stat().st_mtime_ns for path in (tmp_path / "records").iterdir()}
+    assert not list((tmp_path / "out").glob("**/ledger.npz"))
+    learnt = [np.load(tmp_path / name) for name in ("learn/recoveries/s0.npz", "out/s0/round_1/recoveries.npz")]
+    np.testing.assert_array_equal(*(one["graph.q"] for one in learnt))
 
 
 def test_a_budget_that_would_not_cover_new_modes_is_refused_at_once(folder, tmp_path):
