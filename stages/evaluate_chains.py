@@ -40,12 +40,15 @@ def run(cfg: EvaluateChainsConfig, out: Path, track: Tracker) -> None:
     movers = [learner for learner in cfg.transfer.learners if learner in cfg.learners]
     with ExitStack() as stack:
         variants = _variants(cfg, stack)
+        moved = {  # what is refused there is refused before anything is run
+            seed: [(one, _agents(cfg, seed, movers, one.world, one.nominal, transfer=True)) for one in variants]
+            for seed in cfg.seeds
+        }
         total = len(cfg.seeds) * (len(cfg.learners) + len(variants) * len(movers))
         show = stack.enter_context(counter(f"evaluate {cfg.item}", " policies", total))
         for seed in cfg.seeds:
             episodes.append(episodes_of_seed(book, world, nominal, seed, agents[seed], cfg.episodes, show))
-            moved = [(one, _agents(cfg, seed, movers, one.world, one.nominal, transfer=True)) for one in variants]
-            transfers.append(transfer_of_seed(book, moved, seed, show))
+            transfers.append(transfer_of_seed(book, moved[seed], seed, show))
     table = pd.concat(episodes, ignore_index=True)
     save_table(out / "episodes.parquet", table, schema="chain_episodes", version=1)
     found = Evaluated(cfg.item, table, runs, pd.concat(transfers, ignore_index=True))

@@ -99,6 +99,7 @@ def test_the_pipeline_trains_what_its_preset_compares(tmp_path):
     assert learn["failures"] == "data/discover/shelf/failures_train.npz"
     assert judge["learnt"] == "data/chain_recoveries/shelf"
     assert learn["limits"]["history"] == 3
+    assert "arm_rad" not in learn["limits"]["fields"]  # a policy is to mean the same on another arm
     assert {"bottle", "can", "ur5e"} <= set(judge["transfer"]["variants"])
 
 
