@@ -1,7 +1,9 @@
 """The door in nine numbers: the hand in the lever's frame, the fingers, and how far lever and door are turned.
 
 The lever's frame has its origin at the handle's position, x from the axis to the tip, y into the door, z across. The
-geometry of the nominal handle is assumed, whatever the handle, as by the nominal skills.
+geometry of the nominal handle is assumed, whatever the handle, as by the nominal skills. Of the fingers only three
+gaps are told apart, since how far they close on a lever is its thickness, which differs from door to door: closed on
+nothing, around something, open.
 
 Axis letters: N rows.
 """
@@ -19,6 +21,8 @@ from p2l.worlds.handles import axis_of, grasp_pose, hinge_of
 from p2l.worlds.observation import Observation, Privileged
 
 UP = np.array([0.0, 0.0, 1.0])
+EMPTY_BELOW_M, OPEN_ABOVE_M = 0.006, 0.065
+GAPS_M = np.array([0.0, 0.04, 0.08])  # what stands for the three
 CLOSED_BELOW_M = 1.5 * FINGER_OPEN_M  # three quarters of the widest opening
 
 
@@ -32,7 +36,7 @@ class DoorSymbols:
     names = (
         *(f"grip_from_handle_m[{axis}]" for axis in "xyz"),
         *(f"grip_turn_rad[{axis}]" for axis in "xyz"),
-        "gap_m",
+        "finger_gap_m",
         "hinge_rad",
         "latch_rad",
     )
@@ -48,7 +52,8 @@ class DoorSymbols:
         lever = poses.rotation(known["handle_quat"]).inv()
         away = lever.apply(known["grip_pos_m"] - known["handle_pos_m"])
         turn = (lever * poses.rotation(known["grip_quat"]) * self._nominal.inv()).as_rotvec()
-        return np.concatenate([away, turn, known["gap_m"], known["hinge_rad"], known["latch_rad"]], axis=1)
+        gap = GAPS_M[np.digitize(known["gap_m"], [EMPTY_BELOW_M, OPEN_ABOVE_M])]
+        return np.concatenate([away, turn, gap, known["hinge_rad"], known["latch_rad"]], axis=1)
 
     def hand(self, known: Privileged | Observation, state: Array) -> tuple[Array, Array]:
         """Turns the lever about its axis and the door about its hinge until both are as in `state`."""

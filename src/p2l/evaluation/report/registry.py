@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from p2l.evaluation.report import chains, chapter3, failures, strategies, worlds
+from p2l.evaluation.report import chains, chapter3, failures, recoveries, strategies, worlds
 from p2l.evaluation.report.page import Section
 from p2l.evaluation.report.sources import Sources
 
@@ -20,6 +20,8 @@ SECTIONS: tuple[Callable[[Sources], Section], ...] = (
     chapter3.prediction_price,
     failures.nominal_skills,
     failures.modes,
+    recoveries.preconditions,
+    recoveries.learning,
     strategies.curves,
     strategies.table_4_1,
     strategies.table_4_2,
