@@ -45,8 +45,8 @@ test: lint ## lint, then every test, with a smoke run of the pipeline in a tempo
 ui: $(STAMP) ## browse the runs: http://127.0.0.1:5000, or make ui PORT=…
 	$(BIN)/mlflow ui --backend-store-uri "$${MLFLOW_TRACKING_URI:-sqlite:///$(CURDIR)/mlflow.db}" --host 127.0.0.1 --port $(PORT)
 
-watch: $(STAMP) ## film a nominal run, or a recorded failure: make watch world=door failure=3
-	$(BIN)/python -m stages.watch world=$(world) $(if $(failure),failure=$(failure))
+watch: $(STAMP) ## film a nominal run, a recorded failure (make watch world=door failure=3), or a recovery (policy=<dir>)
+	$(BIN)/python -m stages.watch world=$(world) $(if $(failure),failure=$(failure)) $(if $(policy),policy=$(policy))
 
 thesis: $(STAMP) ## the thesis's budgets, in a clone under build/; finished items land in results/thesis/ (resumable)
 	scripts/thesis.sh

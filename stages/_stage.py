@@ -43,7 +43,7 @@ StageFunction = Callable[[ConfigT, Path, Tracker], None]
 
 PARENT_VARIABLE = "P2L_PARENT_RUN"
 CONFIG_FILE, LOG_FILE = "config.yaml", "stage.log"
-_PATHS = ("tasks", "transfer")  # files that a person names on the command line
+_PATHS = ("tasks", "transfer", "policy")  # files that a person names on the command line
 _ALWAYS = ("hydra.output_subdir=null", "hydra/job_logging=none")  # this module keeps the config and the log
 
 

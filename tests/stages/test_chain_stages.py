@@ -1,9 +1,12 @@
 """The stages chain_recoveries and evaluate_chains, on the small push world: what they write, and what they refuse."""
 
 import json
+import re
 import shutil
 from pathlib import Path
 
+import imageio_ffmpeg
+import numpy as np
 import pandas as pd
 import pytest
 import torch
@@ -11,15 +14,25 @@ from hydra import compose, initialize_config_dir
 
 from p2l.artifacts import load_json, load_table
 from p2l.errors import ArtifactError, ConfigError
+from p2l.evaluation.chain_videos import nominal_clip, recovery_clip
+from p2l.evaluation.videos import NoGLError, backend
+from p2l.failures.record import load_failures, open_world
+from p2l.recoveries.chaining.agent import load_agent
 from p2l.recoveries.chaining.checkpoint import FILE
+from p2l.recoveries.chaining.execute import recover
 from p2l.recoveries.chaining.policy import load_policy, policy_hash
 from p2l.schema import SCHEMAS, resolve, validate
 from p2l.tracking import Tracker
-from stages import chain_recoveries, discover, evaluate_chains
+from stages import chain_recoveries, discover, evaluate_chains, watch
 from tests.failures import pushing
 
 ROOT = Path(__file__).resolve().parents[2]
-STAGES = {"discover": discover, "chain_recoveries": chain_recoveries, "evaluate_chains": evaluate_chains}
+STAGES = {
+    "discover": discover,
+    "chain_recoveries": chain_recoveries,
+    "evaluate_chains": evaluate_chains,
+    "watch": watch,
+}
 PUSH = {"name": "push", "params": {"sigma_m": 0.03, "nthread": 1}}
 SMALL = {"n_steps": 24, "batch_size": 12, "n_epochs": 1, "hidden": [8]}
 assert pushing.found  # importing it registers the world
@@ -187,3 +200,42 @@ def test_a_checkpoint_of_another_configuration_is_refused(found, tmp_path, monke
     rounds = pd.read_csv(tmp_path / "rounds.csv")
     learn(found, tmp_path)
     assert json.loads((tmp_path / "summary.json").read_text())["control_steps"] == rounds["control_steps"].iloc[-1]
+
+
+def test_watch_films_a_failure_beside_its_recovery(alone, found, tmp_path, capsys):
+    try:
+        backend()
+    except NoGLError as error:
+        pytest.skip(str(error))
+    small = {"video": {"width": 64, "height": 48, "max_frames": 4, "hold_s": 0.0, "samples": 0}}
+    failures = {"failures": str(found / "failures_train.npz")}
+    run("watch", tmp_path, policy=str(alone), failure=1, **failures, **small)
+    run("watch", tmp_path, policy=str(alone), **failures, **small)
+    told = capsys.readouterr().out.splitlines()
+    assert [Path(line.split(": ")[0]).name for line in told] == ["push-failure1-recovery.mp4", "push-recovery.mp4"]
+    assert all(
+        re.search(r": failure: missed in (align|push) after .* s; (not )?recovered.*: \w", line) for line in told
+    )
+    reader = imageio_ffmpeg.read_frames(str(tmp_path / "push-recovery.mp4"))
+    assert next(reader)["size"] == (128, 60)  # two pictures, and a line of text below
+    other = {"name": "push", "params": {"sigma_m": 0.01, "nthread": 1}}
+    with pytest.raises(ArtifactError, match="other parameters or code"):
+        run("watch", tmp_path / "other", policy=str(alone), world=other, **failures, **small)
+    assert list((tmp_path / "other").iterdir()) == []
+
+
+def test_the_recovery_filmed_starts_where_the_nominal_skills_failed(alone, found):
+    failures = load_failures(found / "failures_train.npz")
+    world, nominal = open_world(failures, found)
+    agent, _ = load_agent(alone, world, nominal, failures.rows)
+    one = failures.take([2])
+    failure = nominal_clip(world, nominal, one.start)
+    assert (failure.flagged, failure.done, len(failure.rows)) == (True, False, int(one.step[0]) + 1)
+    np.testing.assert_array_equal(failure.rows.states[-1], one.rows.states[0])
+    recovery = recovery_clip(world, nominal, agent, one.rows)
+    went = recover(world, nominal, agent, one.rows)
+    assert recovery.done == went.success[0]
+    assert len(recovery.actions) == (went.actions >= 0).sum()
+    assert list(dict.fromkeys(recovery.captions)) == [
+        f"recovery {number}: {name}" for number, name in enumerate(recovery.actions, 1)
+    ]

@@ -115,13 +115,21 @@ class ClusterConfig(WorldStageConfig):
 
 
 class WatchConfig(WorldStageConfig):
-    """Stage `watch`: film a recorded failure, or a nominal run where none is given."""
+    """Stage `watch`: film a recorded failure, or a nominal run where none is given.
+
+    With `policy`, the folder of a recovery policy: that failure, or the first that nominal runs meet, beside what the
+    policy does about it.
+    """
 
     failure: Index | None
     failures: Path
+    policy: Path | None
     video: VideoConfig
 
     @property
     def method(self) -> str:
         """What is shown."""
-        return "nominal" if self.failure is None else f"failure{self.failure}"
+        shown = "nominal" if self.failure is None else f"failure{self.failure}"
+        if self.policy is None:
+            return shown
+        return "recovery" if self.failure is None else f"{shown}-recovery"
