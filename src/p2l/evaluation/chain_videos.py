@@ -16,7 +16,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from p2l.errors import ConfigError
-from p2l.evaluation.videos import Camera, Frames, VideoOptions, framed, save_video
+from p2l.evaluation.videos import Camera, Frames, VideoOptions, save_video
 from p2l.records import Array, IntArray
 from p2l.recoveries.chaining.agent import Agent
 from p2l.recoveries.chaining.execute import nominal_part, recover
@@ -137,11 +137,11 @@ def film_side_by_side(
 
 
 def _captioned(camera: Camera, clip: Clip, every: int) -> list[Frames]:
-    """Frames of a clip, the last one twice: at last with how it ended, framed in red where that is a failure."""
+    """Frames of a clip; the last one says how it ended, framed in red where that is a failure."""
     shown = [*range(0, len(clip.rows) - 1, every), len(clip.rows) - 1]
-    pictures, _ = camera.film(clip.rows.take(shown))
-    frames = [_with_band(picture, clip.captions[step]) for picture, step in zip(pictures, shown, strict=True)]
-    return [*frames, _with_band(pictures[-1] if clip.done else framed(pictures[-1]), clip.told)]
+    pictures, _ = camera.film(clip.rows.take(shown), failed=not clip.done)
+    texts = [*(clip.captions[step] for step in shown[:-1]), clip.told]
+    return [_with_band(picture, text) for picture, text in zip(pictures, texts, strict=True)]
 
 
 def _with_band(picture: Frames, text: str) -> Frames:

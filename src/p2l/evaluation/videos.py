@@ -138,7 +138,7 @@ class Camera:
         lookat = np.asarray(self.view.lookat_m or 0.5 * (way.min(axis=0) + way.max(axis=0)))
         frames = [self._draw(path.states[step], int(path.model[step]), lookat) for step in chosen]
         if failed:
-            frames[-1] = framed(frames[-1])
+            frames[-1] = _framed(frames[-1])
         return np.stack(frames + [frames[-1]] * round(self.options.hold_s * fps)), fps
 
     def _draw(self, state: Array, model: int, lookat: Array) -> Frames:
@@ -216,9 +216,8 @@ def play(world: World, paths: Sequence[Rows], files: Sequence[Path], options: Vi
             save_video(file, *camera.film(path, failed=failed))
 
 
-def framed(frame: Frames) -> Frames:
-    """The frame with a red edge."""
-    edged = frame.copy()
+def _framed(frame: Frames) -> Frames:
+    framed = frame.copy()
     for edge in (np.s_[:4], np.s_[-4:], np.s_[:, :4], np.s_[:, -4:]):
-        edged[edge] = _RED
-    return edged
+        framed[edge] = _RED
+    return framed
