@@ -40,7 +40,7 @@ lint: $(STAMP) ## ruff, mypy --strict, import-linter
 	$(BIN)/lint-imports
 
 test: lint ## lint, then every test, with a smoke run of the pipeline in a temporary clone
-	$(BIN)/python -m pytest -n 2 --dist loadfile # a file's tests share what they set up
+	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder # a file's tests share a set-up; the longest file comes early
 
 ui: $(STAMP) ## browse the runs: http://127.0.0.1:5000, or make ui PORT=…
 	$(BIN)/mlflow ui --backend-store-uri "$${MLFLOW_TRACKING_URI:-sqlite:///$(CURDIR)/mlflow.db}" --host 127.0.0.1 --port $(PORT)

@@ -141,7 +141,8 @@ def test_a_killed_training_goes_on_to_the_bit_in_the_same_runs(folder, tracked, 
     np.testing.assert_array_equal(again[:after], kept)  # wall times are new where a query is run again
     for name in RESULTS[:3]:
         mine, theirs = (pd.read_csv(out / name) for out in (tmp_path / "out", whole))
-        pd.testing.assert_frame_equal(mine, theirs[theirs["seed"] == 0].reset_index(drop=True))
+        theirs = theirs[theirs["seed"] == 0].reset_index(drop=True)
+        pd.testing.assert_frame_equal(mine, theirs, check_dtype=False)  # a column of one seed may hold whole numbers
     arrays = [
         load_arrays(out / "recoveries" / "s0.npz", schema="recoveries", version=2) for out in (tmp_path / "out", whole)
     ]
