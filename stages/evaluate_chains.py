@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pandas as pd
@@ -39,25 +40,57 @@ def run(cfg: EvaluateChainsConfig, out: Path, track: Tracker) -> None:
     episodes, transfers = [], []
     movers = [learner for learner in cfg.transfer.learners if learner in cfg.learners]
     with ExitStack() as stack:
-        variants = _variants(cfg, stack)
+        ablated, variants = _ablated(cfg), _variants(cfg, stack)
         moved = {  # what is refused there is refused before anything is run
             seed: [(one, _agents(cfg, seed, movers, one.world, one.nominal, transfer=True)) for one in variants]
             for seed in cfg.seeds
         }
-        total = len(cfg.seeds) * (len(cfg.learners) + len(variants) * len(movers))
+        total = len(cfg.seeds) * (len(cfg.learners) + len(variants) * len(movers) + len(ablated))
         show = stack.enter_context(counter(f"evaluate {cfg.item}", " policies", total))
         for seed in cfg.seeds:
             episodes.append(episodes_of_seed(book, world, nominal, seed, agents[seed], cfg.episodes, show))
             transfers.append(transfer_of_seed(book, moved[seed], seed, show))
+        ablation = {one.name: _episodes(cfg, book, one, show) for one in ablated}
     table = pd.concat(episodes, ignore_index=True)
     save_table(out / "episodes.parquet", table, schema="chain_episodes", version=1)
-    found = Evaluated(cfg.item, table, runs, pd.concat(transfers, ignore_index=True))
+    found = Evaluated(cfg.item, table, runs, pd.concat(transfers, ignore_index=True), ablation)
     numbers, files = chain_report(out, found, cfg.thesis)
     track.metrics(numbers)
     for path in files:
         track.artifact(path)
     if broken := int(table["diverged"].sum()):
         track.note(f"The simulation of {broken} of {len(table)} episodes broke down; they are left out.")
+
+
+@dataclass(frozen=True)
+class _Ablated:
+    """A variant of the world with the policies, by seed, that were learnt in it."""
+
+    name: str
+    world: World
+    nominal: Sequence[Option]
+    agents: Mapping[int, Agents]
+
+
+def _ablated(cfg: EvaluateChainsConfig) -> list[_Ablated]:
+    found = []
+    for name, other in cfg.ablation.variants.items():
+        world = get_world(cfg.world.name, {**cfg.world.params, **other})
+        nominal, folder = get_options(world.name, world), cfg.learnt.with_name(f"{cfg.learnt.name}_{name}")
+        there = cfg.model_copy(update={"learnt": folder})
+        agents = {seed: _agents(there, seed, [cfg.ablation.learner], world, nominal) for seed in cfg.seeds}
+        found.append(_Ablated(name, world, nominal, agents))
+    return found
+
+
+def _episodes(cfg: EvaluateChainsConfig, book: Book, one: _Ablated, show: Callable[[int], None]) -> pd.DataFrame:
+    """Those of a variant; from the same start states as the configured world's, with the noise scaled."""
+    place = replace(book, item=f"{cfg.item}_{one.name}")
+    parts = [
+        episodes_of_seed(place, one.world, one.nominal, seed, agents, cfg.episodes, show)
+        for seed, agents in one.agents.items()
+    ]
+    return pd.concat(parts, ignore_index=True)
 
 
 def _agents(

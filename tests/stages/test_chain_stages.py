@@ -162,6 +162,28 @@ def test_every_learner_meets_the_same_nominal_runs_and_failures(learnt, tmp_path
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
 
 
+def test_every_level_of_uncertainty_is_judged_with_the_policies_learnt_under_it(found, learnt, tmp_path):
+    shutil.copytree(learnt / "run", tmp_path / "run")
+    ablation = {"learner": "rc", "variants": {"double": {"sigma_m": 0.06}}}
+    given = {"learners": ["rc"], "records": str(tmp_path / "records"), "ablation": ablation}
+    with pytest.raises(ArtifactError, match=r"run_double/policies/rc/s0.*no such artifact"):
+        evaluate(tmp_path, tmp_path / "a", **given)
+    noisy = {"name": "push", "params": {"sigma_m": 0.06, "nthread": 1}}
+    executions = {"train": 20, "held_out": 4}
+    run("discover", tmp_path / "found", strategy="first_flag", world=noisy, executions=executions)
+    compare(tmp_path / "found", tmp_path / "run_double", world=noisy, compare=["rc"])
+    for out in ("a", "b"):
+        evaluate(tmp_path, tmp_path / out, **given)
+    table = pd.read_csv(tmp_path / "a" / "ablation_5.csv")
+    assert table["setting"].unique().tolist() == ["world=push;variant=as_given", "world=push;variant=double"]
+    nominal = table[table["metric"] == "nominal"]["mean"].tolist()
+    assert nominal[0] > nominal[1]
+    assert {"success", "recovery", "primitives", "open_loop"} < set(table["metric"])
+    assert (tmp_path / "a" / "ablation_5.csv").read_bytes() == (tmp_path / "b" / "ablation_5.csv").read_bytes()
+    kept = sorted(path.name for path in (tmp_path / "records").iterdir())
+    assert [name.rpartition("-s0")[0] for name in kept] == ["push-rc_episodes", "push_double-rc_episodes"]
+
+
 def test_a_policy_of_another_variant_is_refused_before_anything_is_run(learnt, tmp_path):
     other = {"name": "push", "params": {"sigma_m": 0.01, "nthread": 1}}
     with pytest.raises(ArtifactError, match="other parameters or code"):

@@ -1,9 +1,9 @@
-"""What `evaluate_chains` leaves for people: tables 5.1 and 5.2, figures 5.5 and 5.8, headline numbers."""
+"""What `evaluate_chains` leaves for people: tables, figures 5.5 and 5.8, headline numbers."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import pandas as pd
@@ -12,6 +12,8 @@ from matplotlib.figure import Figure
 from p2l.artifacts import atomic, finite, save_json
 from p2l.errors import ArtifactError
 from p2l.evaluation import chain_tables as tables
+from p2l.evaluation.chain_ablation import OWN, ablation_5
+from p2l.evaluation.chain_ablation import TABLE as ABLATION
 from p2l.evaluation.chain_episodes import totals
 from p2l.evaluation.chain_figures import learning_curves, options_tried
 from p2l.evaluation.chain_transfer import TABLE as TRANSFERS
@@ -34,12 +36,14 @@ class Evaluated:
         episodes: of `chain_episodes`.
         runs: of `chain_recoveries`.
         transfers: of `chain_transfer.transfer_of_seed`.
+        ablation: of `chain_episodes`, by variant, each learnt and judged in itself.
     """
 
     item: str
     episodes: pd.DataFrame
     runs: Sequence[tables.Learning]
     transfers: pd.DataFrame
+    ablation: Mapping[str, pd.DataFrame] = field(default_factory=dict)
 
 
 def read_runs(folder: Path, learners: Sequence[str], seeds: Sequence[int]) -> list[tables.Learning]:
@@ -71,6 +75,8 @@ def chain_report(out: Path, found: Evaluated, thesis: Path) -> tuple[dict[str, f
     told, runs = load_thesis(thesis, CHAPTER), {found.item: found.runs}
     made = {tables.TABLE: tables.table_5_1({found.item: found.episodes}, told)}
     made[TRANSFERS] = table_5_2(found.item, found.transfers, told)
+    own = {OWN: found.episodes[found.episodes["learner"] == MAIN]}
+    made[ABLATION] = ablation_5(found.item, {**own, **found.ablation}, told)
     made[tables.CURVES] = tables.figure_5_5(runs, told)
     made[tables.TRIED] = tables.figure_5_8(runs, told)
     made[STEPS] = tables.steps_to_thesis(made[tables.TABLE], runs, told)

@@ -118,6 +118,18 @@ class TransferConfig(Section):
     variants: dict[str, dict[str, Any]]
 
 
+class AblationConfig(Section):
+    """Policies learnt under other state uncertainty, or from other observations: one folder for each variant.
+
+    Attributes:
+        learner: whose policies.
+        variants: by name, the world's parameters that differ; the policies are those of `<learnt>_<name>`.
+    """
+
+    learner: Learner
+    variants: dict[str, dict[str, Any]]
+
+
 class EvaluateChainsConfig(WorldStageConfig):
     """Stage `evaluate_chains`: the whole robot on start states that nobody has seen.
 
@@ -132,6 +144,7 @@ class EvaluateChainsConfig(WorldStageConfig):
     episodes: Count
     slots: Count
     transfer: TransferConfig
+    ablation: AblationConfig
 
     @property
     def method(self) -> str:
