@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# Chapter 5 at thesis scale: three worlds, four learners, five seeds; then tables 5.1 and 5.2, figures 5.5 and 5.8.
+# Chapter 5 at thesis scale: three worlds, four learners, five seeds; then tables 5.1 and 5.2, figures 5.5, 5.8 and 5.9.
 # Run it again after an interruption: every finished run (<world>-<learner>-s<seed>-b0.json, its policy in policies/) and
-# every evaluation (<world>-<learner>_episodes-…, <world>-<learner>_to_<variant>-…) is in results/thesis/records/ as soon
+# every evaluation (<world>-<learner>_episodes-…, <world>-<learner>_to_<variant>-…, <world>-rc_reuse-…) is in results/thesis/records/ as soon
 # as it ends; commit them, and the next machine goes on from there. A run under way goes on from its checkpoint here.
 #
 #   scripts/thesis_chapter5.sh                                   # all of it
@@ -26,13 +26,13 @@ TARGETS=$(printf 'evaluate_chains@%s ' "${worlds[@]}") \
   OVERRIDES="{chain_recoveries: [$(join "${learning[@]}")], evaluate_chains: [$(join "${judging[@]}")]}" \
   "$root/scripts/thesis.sh" "$clone"
 
-for name in table_5_1 table_5_2 figure_5_5 figure_5_8 steps_to_thesis; do
+for name in table_5_1 table_5_2 figure_5_5 figure_5_8 figure_5_9 strategies_5 steps_to_thesis; do
   first=$clone/data/evaluate_chains/${worlds[0]}/$name.csv
   { head -n 1 "$first"; for world in "${worlds[@]}"; do tail -n +2 "$clone/data/evaluate_chains/$world/$name.csv"; done; } \
     > "$results/tables/$name.csv"
 done
 for world in "${worlds[@]}"; do
-  for name in figure_5_5 figure_5_8; do
+  for name in figure_5_5 figure_5_8 figure_5_9; do
     cp "$clone/data/evaluate_chains/$world/$name.png" "$results/figures/${name}_$world.png"
   done
   for stage in discover chain_recoveries evaluate_chains; do

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from functools import cache, partial
 from pathlib import Path
 
 import pandas as pd
@@ -12,6 +13,7 @@ import pandas as pd
 from p2l.artifacts import save_table
 from p2l.evaluation.chain_episodes import Agents, Book, episodes_of_seed
 from p2l.evaluation.chain_outcome import Evaluated, chain_report, read_runs
+from p2l.evaluation.chain_reuse import Nominal, nominal_sets, reuse_of_seed
 from p2l.evaluation.chain_transfer import Variant, transfer_of_seed
 from p2l.ledger import code_digest
 from p2l.recoveries.chaining.agent import load_agent
@@ -29,7 +31,7 @@ ROBOSUITE = "robosuite"
 
 @stage("evaluate_chains", EvaluateChainsConfig)
 def run(cfg: EvaluateChainsConfig, out: Path, track: Tracker) -> None:
-    """Run or look up every item; leave episodes.parquet, tables 5.1 and 5.2, figures 5.5 and 5.8, and a summary."""
+    """Run or look up every item; leave episodes.parquet, tables and figures of chapter 5, and a summary."""
     world = get_world(cfg.world.name, cfg.world.params)
     nominal = get_options(world.name, world)
     agents = {seed: _agents(cfg, seed, cfg.learners, world, nominal) for seed in cfg.seeds}
@@ -37,7 +39,9 @@ def run(cfg: EvaluateChainsConfig, out: Path, track: Tracker) -> None:
     # Committed records outlive harmless edits (the modules' VERSION marks the others); a run's own do not.
     code = "" if cfg.records else code_digest("sim", "worlds", "skills", "recoveries")
     book = Book(cfg.records or out / "records", code, cfg.item, cfg.slots)
-    episodes, transfers = [], []
+    episodes, transfers, reuse = [], [], []
+    known = cache(partial(_nominal_sets, cfg, world, nominal))
+    key = (cfg.seed, cfg.reuse.nominal_runs)
     movers = [learner for learner in cfg.transfer.learners if learner in cfg.learners]
     with ExitStack() as stack:
         ablated, variants = _ablated(cfg), _variants(cfg, stack)
@@ -50,16 +54,24 @@ def run(cfg: EvaluateChainsConfig, out: Path, track: Tracker) -> None:
         for seed in cfg.seeds:
             episodes.append(episodes_of_seed(book, world, nominal, seed, agents[seed], cfg.episodes, show))
             transfers.append(transfer_of_seed(book, moved[seed], seed, show))
+            again = {name: agents[seed][name] for name in cfg.learners if name in cfg.reuse.learners}
+            reuse.append(reuse_of_seed(book, world, nominal, seed, again, cfg.episodes, known, key))
         ablation = {one.name: _episodes(cfg, book, one, show) for one in ablated}
     table = pd.concat(episodes, ignore_index=True)
     save_table(out / "episodes.parquet", table, schema="chain_episodes", version=1)
-    found = Evaluated(cfg.item, table, runs, pd.concat(transfers, ignore_index=True), ablation)
+    moves, starts = (pd.concat(one, ignore_index=True) for one in (transfers, reuse))
+    found = Evaluated(cfg.item, table, runs, moves, starts, ablation)
     numbers, files = chain_report(out, found, cfg.thesis)
     track.metrics(numbers)
     for path in files:
         track.artifact(path)
     if broken := int(table["diverged"].sum()):
         track.note(f"The simulation of {broken} of {len(table)} episodes broke down; they are left out.")
+
+
+def _nominal_sets(cfg: EvaluateChainsConfig, world: World, nominal: Sequence[Option]) -> Nominal:
+    rng = generator(cfg.seed, "evaluate_chains", world.name, "nominal_runs")
+    return nominal_sets(world, nominal, world.sample(rng, cfg.reuse.nominal_runs))
 
 
 @dataclass(frozen=True)

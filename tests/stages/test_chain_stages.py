@@ -150,15 +150,27 @@ def test_every_learner_meets_the_same_nominal_runs_and_failures(learnt, tmp_path
     summary = load_json(tmp_path / "a" / "summary.json", schema="chain_evaluation", version=1)["learners"]
     assert summary["rc"]["success"]["mean"] == parts["rc"]["success"].mean()
     assert summary["rc"]["recovery"]["n"] == parts["rc"]["flagged"].sum()
+    by_strategy = pd.read_csv(tmp_path / "a" / "strategies_5.csv").query("metric == 'recovery'")
+    recovered = parts["rc"]["flagged"] & parts["rc"]["success"]
+    assert by_strategy["n"].sum() == parts["rc"]["flagged"].sum()
+    assert (by_strategy["n"] * by_strategy["mean"]).sum() == pytest.approx(recovered.sum())
     [elsewhere] = pd.read_csv(tmp_path / "a" / "table_5_2.csv").query("metric == 'recovery'").to_dict("records")
     assert (elsewhere["method"], elsewhere["setting"], elsewhere["n"]) == ("rc", "world=push;variant=noisy", 3)
 
     # Another machine has the records alone: nothing is run, and the results are the same.
     changed = {path: path.stat().st_mtime_ns for path in (tmp_path / "records").iterdir()}
-    assert len(changed) == 3
+    assert len(changed) == 4
     evaluate(learnt, tmp_path / "b", records=str(tmp_path / "records"), transfer=moved(noisy={"sigma_m": 0.05}))
     assert changed == {path: path.stat().st_mtime_ns for path in (tmp_path / "records").iterdir()}
-    for name in ("table_5_1.csv", "table_5_2.csv", "figure_5_5.csv", "figure_5_8.csv", "figure_5_5.png"):
+    for name in (
+        "table_5_1.csv",
+        "table_5_2.csv",
+        "figure_5_5.csv",
+        "figure_5_8.csv",
+        "figure_5_9.csv",
+        "strategies_5.csv",
+        "figure_5_9.png",
+    ):
         assert (tmp_path / "a" / name).read_bytes() == (tmp_path / "b" / name).read_bytes()
 
 
@@ -181,7 +193,11 @@ def test_every_level_of_uncertainty_is_judged_with_the_policies_learnt_under_it(
     assert {"success", "recovery", "primitives", "open_loop"} < set(table["metric"])
     assert (tmp_path / "a" / "ablation_5.csv").read_bytes() == (tmp_path / "b" / "ablation_5.csv").read_bytes()
     kept = sorted(path.name for path in (tmp_path / "records").iterdir())
-    assert [name.rpartition("-s0")[0] for name in kept] == ["push-rc_episodes", "push_double-rc_episodes"]
+    assert [name.rpartition("-s0")[0] for name in kept] == [
+        "push-rc_episodes",
+        "push-rc_reuse",
+        "push_double-rc_episodes",
+    ]
 
 
 def test_a_policy_of_another_variant_is_refused_before_anything_is_run(learnt, tmp_path):

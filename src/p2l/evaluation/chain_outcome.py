@@ -1,4 +1,4 @@
-"""What `evaluate_chains` leaves for people: tables, figures 5.5 and 5.8, headline numbers."""
+"""What `evaluate_chains` leaves for people: tables, figures 5.5, 5.8 and 5.9, headline numbers."""
 
 from __future__ import annotations
 
@@ -16,6 +16,10 @@ from p2l.evaluation.chain_ablation import OWN, ablation_5
 from p2l.evaluation.chain_ablation import TABLE as ABLATION
 from p2l.evaluation.chain_episodes import totals
 from p2l.evaluation.chain_figures import learning_curves, options_tried
+from p2l.evaluation.chain_reuse_figure import TABLE as REUSE
+from p2l.evaluation.chain_reuse_figure import figure_5_9, novel_starts
+from p2l.evaluation.chain_strategies import TABLE as STRATEGIES
+from p2l.evaluation.chain_strategies import strategies_5
 from p2l.evaluation.chain_transfer import TABLE as TRANSFERS
 from p2l.evaluation.chain_transfer import table_5_2
 from p2l.evaluation.style import png
@@ -36,6 +40,7 @@ class Evaluated:
         episodes: of `chain_episodes`.
         runs: of `chain_recoveries`.
         transfers: of `chain_transfer.transfer_of_seed`.
+        reuse: of `chain_reuse`.
         ablation: of `chain_episodes`, by variant, each learnt and judged in itself.
     """
 
@@ -43,6 +48,7 @@ class Evaluated:
     episodes: pd.DataFrame
     runs: Sequence[tables.Learning]
     transfers: pd.DataFrame
+    reuse: pd.DataFrame
     ablation: Mapping[str, pd.DataFrame] = field(default_factory=dict)
 
 
@@ -77,12 +83,15 @@ def chain_report(out: Path, found: Evaluated, thesis: Path) -> tuple[dict[str, f
     made[TRANSFERS] = table_5_2(found.item, found.transfers, told)
     own = {OWN: found.episodes[found.episodes["learner"] == MAIN]}
     made[ABLATION] = ablation_5(found.item, {**own, **found.ablation}, told)
+    made[STRATEGIES] = strategies_5(found.item, found.reuse, told)
+    made[REUSE] = figure_5_9(found.item, found.reuse, told)
     made[tables.CURVES] = tables.figure_5_5(runs, told)
     made[tables.TRIED] = tables.figure_5_8(runs, told)
     made[STEPS] = tables.steps_to_thesis(made[tables.TABLE], runs, told)
     figures = {
         tables.CURVES: learning_curves(made[tables.CURVES]),
         tables.TRIED: options_tried(made[tables.TRIED], found.item, MAIN),
+        REUSE: novel_starts(made[REUSE], found.item, MAIN),
     }
     for name, table in made.items():
         with atomic(out / f"{name}.csv") as temporary:

@@ -118,6 +118,18 @@ class TransferConfig(Section):
     variants: dict[str, dict[str, Any]]
 
 
+class ReuseConfig(Section):
+    """Figure 5.9, and recoveries by strategy.
+
+    Attributes:
+        learners: whose policies.
+        nominal_runs: of the nominal skills, to know where they are.
+    """
+
+    learners: tuple[Learner, ...]
+    nominal_runs: Count
+
+
 class AblationConfig(Section):
     """Policies learnt under other state uncertainty, or from other observations: one folder for each variant.
 
@@ -144,6 +156,7 @@ class EvaluateChainsConfig(WorldStageConfig):
     episodes: Count
     slots: Count
     transfer: TransferConfig
+    reuse: ReuseConfig
     ablation: AblationConfig
 
     @property
