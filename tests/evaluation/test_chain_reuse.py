@@ -70,6 +70,8 @@ def test_nominal_runs_are_inside_and_failures_are_not(push, failures):
     assert set(rows["option"]) == {"align"}
     assert_array_equal(rows["success"], recover(world, nominal, agent, failures).success)
     assert set(rows["strategy"]) == {"at_once"}
+    never = reuse_rows(world, nominal, doing(*[BACK] * 10), failures.take([0]), sets)
+    assert never[["option", "strategy"]].iloc[0].tolist() == ["", "other"]
 
 
 def test_a_turned_hand_and_bread_that_is_farther_from_the_wall_are_told_apart():

@@ -156,7 +156,7 @@ def reuse_rows(world: World, nominal: Sequence[Option], agent: Agent, failures: 
     """One row per failure.
 
     Returns:
-        `option`: the nominal option handed over to, empty if none was; `success`; `primitives` before; `strategy`;
+        `option`: the nominal option handed over to, empty if none was; `success`; `primitives`; `strategy`;
         `off_visited`, `off_begun`: how far from nominal execution's states of that option, outside above 1.
     """
     if not len(failures):
@@ -171,8 +171,9 @@ def reuse_rows(world: World, nominal: Sequence[Option], agent: Agent, failures: 
         for name in SETS:
             off[name][mine] = known.off(number, name, values[mine])
     names = [nominal[number].name if number >= 0 else "" for number in chosen.tolist()]
-    told = {"option": names, "success": found.success, "primitives": count - (chosen >= 0)}
-    told["strategy"] = strategy(world, failures, moment, count - 1)
+    primitives = count - (chosen >= 0)
+    told = {"option": names, "success": found.success, "primitives": primitives}
+    told["strategy"] = strategy(world, failures, moment, primitives)
     return pd.DataFrame({**told, **{f"off_{name}": value for name, value in off.items()}})
 
 

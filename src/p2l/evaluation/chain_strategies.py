@@ -37,7 +37,7 @@ def strategy(world: World, before: Rows, after: Rows, primitives: IntArray) -> l
         world: where.
         before: [N] the failures.
         after: [N] the moments of the last decisions.
-        primitives: [N] decisions before the last one.
+        primitives: [N] how many were taken.
     """
     tests = _tests(world, before, after)
     names = []
