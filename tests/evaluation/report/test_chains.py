@@ -5,9 +5,12 @@ import pandas as pd
 import pytest
 
 from p2l.errors import ArtifactError
+from p2l.evaluation.chain_ablation import ablation_5
+from p2l.evaluation.chain_reuse_figure import figure_5_9
+from p2l.evaluation.chain_strategies import strategies_5
 from p2l.evaluation.chain_tables import Learning, figure_5_5, figure_5_8, steps_to_thesis, table_5_1
 from p2l.evaluation.chain_transfer import table_5_2
-from p2l.evaluation.report import chains
+from p2l.evaluation.report import chain_reuse, chains
 from p2l.evaluation.report.page import Picture, Reading, render
 from p2l.evaluation.report.sources import Sources
 from p2l.evaluation.thesis import load_thesis
@@ -39,10 +42,19 @@ def tables(world, recovered, thesis):
     return {
         "table_5_1": first,
         "table_5_2": table_5_2(world, pd.DataFrame(moved) if world == "shelf" else none, thesis),
+        "strategies_5": strategies_5(world, handed(recovered), thesis),
+        "figure_5_9": figure_5_9(world, handed(recovered), thesis),
         "figure_5_5": figure_5_5(runs, thesis, points=5),
         "figure_5_8": figure_5_8(runs, thesis),
         "steps_to_thesis": steps_to_thesis(first, runs, thesis),
     }
+
+
+def handed(recovered):
+    """40 recoveries that turn the hand and start `place`, a quarter of them outside; the first `recovered` succeed."""
+    place = np.arange(40)
+    rows = {"success": place < recovered, "off_visited": np.where(place < 10, 2.0, 0.5), "off_begun": 2.0}
+    return pd.DataFrame({**rows, "option": "place", "strategy": "turn", "learner": "rc", "seed": 0})
 
 
 @pytest.fixture(scope="module")
@@ -53,6 +65,10 @@ def made(tmp_path_factory):
         folder.mkdir(parents=True)
         for name, table in tables(world, recovered, thesis).items():
             table.to_csv(folder / f"{name}.csv", index=False)
+    acted = episodes("rc", 22).assign(actions="move +z;from place")
+    (data / "evaluate_chains" / "shelf_ablation").mkdir()
+    ablated = ablation_5("shelf", {"as_given": acted, "double": acted}, thesis)
+    ablated.to_csv(data / "evaluate_chains" / "shelf_ablation" / "ablation_5.csv", index=False)
     return Sources(data, THESIS, (), WORLDS, (), WORLDS)
 
 
@@ -90,8 +106,20 @@ def test_transfer_is_judged_where_the_thesis_has_numbers(made):
     assert section.metrics["table_5_2/shelf/box/rc"] == 1.0
 
 
+def test_novel_starts_strategies_and_the_ablation_are_told(made):
+    section = chain_reuse.figure_5_9(made)
+    [novel] = readings(section)
+    assert novel.agrees == "yes"
+    assert "pick_place: 25.0 [14.2, 40.2] % of 40 starts are outside, of which 100.0" in novel.ours
+    assert [part.name for part in section.parts if isinstance(part, Picture)] == ["figure_5_9", "figure_5_9_shelf"]
+    [sheet] = chain_reuse.recovery_strategies(made).sheets
+    assert sheet.rows[0][1:4] == ["pick place, turn", "share", "1.00 [0.91, 1.00]"]
+    [sheet] = chain_reuse.ablation_5(made).sheets
+    assert set(sheet.long["setting"]) == {"world=shelf;variant=as_given", "world=shelf;variant=double"}
+
+
 def test_left_out_or_missing_is_said(made, tmp_path):
-    for section in chains.SECTIONS:
+    for section in (*chains.SECTIONS, *chain_reuse.SECTIONS):
         assert "Left out" in section(Sources(made.data, THESIS, (), WORLDS)).parts[0]
     lone = Sources(made.data, THESIS, (), WORLDS, (), ("pick_place",))
     assert "Left out: the preset induces no failures elsewhere" in chains.table_5_2(lone).parts[0]

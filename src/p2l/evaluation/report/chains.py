@@ -3,20 +3,19 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
-from typing import Any
+from collections.abc import Callable
 
 import pandas as pd
 
-from p2l.evaluation.chain_figures import LEARNERS, learning_curves, options_tried
+from p2l.evaluation.chain_figures import learning_curves, options_tried
 from p2l.evaluation.report import chain_readings as readings
+from p2l.evaluation.report.chain_views import CHAPTER, METHODS, commands, left_out, sheet, stacked
 from p2l.evaluation.report.page import Part, Picture, Section, Sheet
 from p2l.evaluation.report.sources import Sources
-from p2l.evaluation.report.views import estimate, plain_setting, spoken, stage_commands
+from p2l.evaluation.report.views import plain_setting, spoken
 from p2l.evaluation.style import png
 
-CHAPTER, STAGE, MAIN = 5, "evaluate_chains", "rc"
-METHODS = {"nominal": "Nominal", **{name: f"Nominal + {style.label}" for name, style in LEARNERS.items()}, "rl": "RL"}
+MAIN = "rc"
 JUDGED_5_1 = (
     "Every learner meets the same start states, none of which learning or choosing a policy has seen. Where a detector "
     "fires, the recovery takes over; RL acts alone, from the start of the task. Intervals are Wilson's over the "
@@ -34,8 +33,8 @@ def table_5_1(sources: Sources) -> Section:
     """Overall success of every learner in every world, beside the nominal skills."""
     title = "Table 5.1: overall success with learnt recoveries"
     if not sources.chain_worlds:
-        return _missing(title)
-    table, claims = _stacked(sources, "table_5_1"), sources.chapter(CHAPTER).claims
+        return left_out(title)
+    table, claims = stacked(sources, "table_5_1"), sources.chapter(CHAPTER).claims
     cells = {(row["setting"], row["method"], row["metric"]): row for row in table.to_dict("records")}
     parts: list[Part] = [JUDGED_5_1, *readings.of_worlds(claims, cells), *readings.of_order(claims, cells)]
     parts.append(_success("table_5_1", table, cells))
@@ -44,15 +43,15 @@ def table_5_1(sources: Sources) -> Section:
         for (setting, method, metric), row in cells.items()
         if metric != "success_by_seed" and not math.isnan(row["mean"])
     }
-    return Section(title, parts, _commands(sources), numbers)
+    return Section(title, parts, commands(sources), numbers)
 
 
 def figure_5_5(sources: Sources) -> Section:
     """Success during training, and how soon the thesis's success is reached."""
     title = "Figure 5.5: learning curves"
     if not sources.chain_worlds:
-        return _missing(title)
-    table, steps = _stacked(sources, "figure_5_5"), _stacked(sources, "steps_to_thesis")
+        return left_out(title)
+    table, steps = stacked(sources, "figure_5_5"), stacked(sources, "steps_to_thesis")
     seeds = int(table["n"].max())
     caption = (
         "Share of evaluation episodes that succeed during training, from failures that training never starts from (RL: "
@@ -61,7 +60,7 @@ def figure_5_5(sources: Sources) -> Section:
     parts: list[Part] = [
         *readings.of_progress(sources.chapter(CHAPTER).claims, table),
         Picture("figure_5_5", png(learning_curves(table)), caption),
-        _sheet(
+        sheet(
             "figure_5_5", _ends(table), table, "Success at each learner's last evaluation; the curves are in the file."
         ),
     ]
@@ -71,16 +70,16 @@ def figure_5_5(sources: Sources) -> Section:
             "Control steps until an evaluation first stands for the thesis's overall success, their ratio to the "
             "thesis's 500,000, and the share of runs that get there; a run that does not counts with all its steps."
         )
-        parts.append(_sheet("steps_to_thesis", rows, steps, told))
-    return Section(title, parts, _commands(sources))
+        parts.append(sheet("steps_to_thesis", rows, steps, told))
+    return Section(title, parts, commands(sources))
 
 
 def figure_5_8(sources: Sources) -> Section:
     """Which nominal options are tried while RC learns."""
     title = "Figure 5.8: which nominal options are tried"
     if not sources.chain_worlds:
-        return _missing(title)
-    table, claim = _stacked(sources, "figure_5_8"), sources.chapter(CHAPTER).claims["figure_5_8", "commits"]
+        return left_out(title)
+    table, claim = stacked(sources, "figure_5_8"), sources.chapter(CHAPTER).claims["figure_5_8", "commits"]
     table = table[table["method"] == MAIN]
     parts: list[Part] = []
     last = []
@@ -96,28 +95,28 @@ def figure_5_8(sources: Sources) -> Section:
         parts += [found, Picture("figure_5_8" if place == 0 else f"figure_5_8_{world}", picture, caption)]
     if last:
         shown = pd.concat(last, ignore_index=True)
-        parts.append(_sheet("figure_5_8", shown, table, "Times chosen in a round, mean of the last tenth."))
-    return Section(title, parts, _commands(sources))
+        parts.append(sheet("figure_5_8", shown, table, "Times chosen in a round, mean of the last tenth."))
+    return Section(title, parts, commands(sources))
 
 
 def table_5_2(sources: Sources) -> Section:
     """Policies where they were not learnt."""
     title = "Table 5.2: policies where they were not learnt"
     if not sources.chain_worlds:
-        return _missing(title)
-    table = _stacked(sources, "table_5_2")
+        return left_out(title)
+    table = stacked(sources, "table_5_2")
     if not len(table):
         return Section(title, ["Left out: the preset induces no failures elsewhere (experiment.chain.transfer)."])
     claim = sources.chapter(CHAPTER).claims["table_5_2", "transfer"]
     rows = table[table["metric"] == "recovery"]
     shown = "Recovery rate: 95 % Wilson intervals over all seeds' failures; by seed in the file."
-    parts: list[Part] = [JUDGED_5_2, readings.of_transfer(claim, rows), _sheet("table_5_2", rows, table, shown)]
+    parts: list[Part] = [JUDGED_5_2, readings.of_transfer(claim, rows), sheet("table_5_2", rows, table, shown)]
     numbers = {
         f"table_5_2/{plain_setting(str(row['setting']))}/{row['method']}": float(row["mean"])
         for row in rows.to_dict("records")
         if not math.isnan(row["mean"])
     }
-    return Section(title, parts, _commands(sources), numbers)
+    return Section(title, parts, commands(sources), numbers)
 
 
 SECTIONS: tuple[Callable[[Sources], Section], ...] = (table_5_1, figure_5_5, figure_5_8, table_5_2)
@@ -142,27 +141,6 @@ def _success(name: str, table: pd.DataFrame, cells: readings.Cells) -> Sheet:
     return Sheet(name, table, ["", *(METHODS[method] for method in methods)], rows, caption)
 
 
-def _sheet(name: str, rows: pd.DataFrame, table: pd.DataFrame, caption: str) -> Sheet:
-    """Some rows on the page, all of them in the file."""
-    shown = [
-        [
-            METHODS.get(str(row["method"]), str(row["method"])),
-            spoken(str(row["setting"])),
-            str(row["metric"]).replace("_", " "),
-            _told(row),
-            "–" if math.isnan(row["thesis"]) else f"{row['thesis']:.3g}",
-            str(row["n"]),
-        ]
-        for row in rows.to_dict("records")
-    ]
-    return Sheet(name, table, ["", "", "", "ours", "thesis", "n"], shown, caption)
-
-
-def _told(row: dict[Any, Any]) -> str:
-    digits = 0 if row["metric"] == "control_steps" else 2
-    return estimate(float(row["mean"]), float(row["low"]), float(row["high"]), digits=digits)
-
-
 def _ends(curves: pd.DataFrame) -> pd.DataFrame:
     """The last point of every curve."""
     place = curves["setting"].str.extract(r"(?P<world>.*);control_steps=(?P<steps>\d+)")
@@ -171,20 +149,5 @@ def _ends(curves: pd.DataFrame) -> pd.DataFrame:
     return last.drop(columns=["world", "steps"])
 
 
-def _stacked(sources: Sources, name: str) -> pd.DataFrame:
-    """The worlds' tables, one below the other."""
-    tables = [sources.sheet(STAGE, world, f"{name}.csv") for world in sources.chain_worlds]
-    full = [table for table in tables if len(table)]
-    return pd.concat(full, ignore_index=True) if full else tables[0]
-
-
-def _commands(sources: Sources) -> Sequence[str]:
-    return stage_commands(STAGE, sources.chain_worlds)
-
-
 def _seeds(number: int) -> str:
     return "one seed" if number == 1 else f"{number} seeds"
-
-
-def _missing(title: str) -> Section:
-    return Section(title, ["Left out: conf/pipeline.yaml names no chain_worlds. Add them there."])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from p2l.evaluation.report import chains, chapter3, failures, recoveries, strategies, worlds
+from p2l.evaluation.report import chain_reuse, chains, chapter3, failures, recoveries, strategies, worlds
 from p2l.evaluation.report.page import Section
 from p2l.evaluation.report.sources import Sources
 
@@ -26,4 +26,5 @@ SECTIONS: tuple[Callable[[Sources], Section], ...] = (
     strategies.table_4_1,
     strategies.table_4_2,
     *chains.SECTIONS,
+    *chain_reuse.SECTIONS,
 )
