@@ -27,6 +27,7 @@ import pandas as pd
 from scipy.spatial import cKDTree
 
 from p2l.evaluation.chain_episodes import Agents, Book
+from p2l.evaluation.chain_reuse_figure import SETS
 from p2l.evaluation.chain_strategies import strategy
 from p2l.failures.classifier import default_fields, features
 from p2l.ledger import find, write
@@ -40,7 +41,6 @@ from p2l.skills.runner import Reason
 from p2l.worlds.world import Rows, World
 
 VERSION = 1  # raise it when an edit of the code changes rows: committed records know no code
-SETS = ("visited", "begun")
 QUANTILE = 0.99
 FEWEST = 4  # nominal runs through an option to say where it is used
 COLUMNS = ("option", "success", "primitives", "strategy", *(f"off_{name}" for name in SETS))

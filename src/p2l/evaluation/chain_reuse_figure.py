@@ -7,7 +7,6 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from p2l.evaluation.chain_reuse import SETS
 from p2l.evaluation.statistics import wilson_interval
 from p2l.evaluation.style import plain
 from p2l.evaluation.tables import COLUMNS, Row
@@ -16,6 +15,7 @@ from p2l.records import BoolArray
 
 TABLE = "figure_5_9"
 ANY = "any"
+SETS = ("visited", "begun")  # of nominal states, see `chain_reuse`
 OUTSIDE, INSIDE = "#D55E00", "#0072B2"
 NAMES = {"outside_visited": "where it is at work", "outside_begun": "where it begins"}
 

@@ -15,8 +15,6 @@ from p2l.evaluation.statistics import wilson_interval
 from p2l.evaluation.tables import COLUMNS, Row
 from p2l.evaluation.thesis import Thesis
 from p2l.records import BoolArray, IntArray
-from p2l.skills.nominal.pick_place import quarter_turn
-from p2l.worlds.pick_place import BIN1_POS_M, BIN_INNER_HALF_M, FLOOR_M
 from p2l.worlds.world import Rows, World
 
 TABLE = "strategies_5"
@@ -50,6 +48,9 @@ def strategy(world: World, before: Rows, after: Rows, primitives: IntArray) -> l
 def _tests(world: World, before: Rows, after: Rows) -> dict[str, BoolArray]:
     was, now = world.privileged(before), world.privileged(after)
     if world.name == "pick_place":
+        from p2l.skills.nominal.pick_place import quarter_turn  # needs robosuite, which tables alone do without
+        from p2l.worlds.pick_place import BIN1_POS_M, BIN_INNER_HALF_M, FLOOR_M
+
         axes = [
             poses.rotation(quarter_turn(world.observe(rows))).apply([1.0, 0.0, 0.0])[:, :2] for rows in (before, after)
         ]
