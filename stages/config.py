@@ -43,12 +43,12 @@ def run(cfg: ConfigStageConfig, out: Path, track: Tracker) -> None:  # noqa: ARG
         for name in DOMAIN_STAGES
     }
     texts |= {
-        f"{world}/{name}": composed(cfg, name, [f"world={world}", f"item={world}", f"experiment={cfg.preset}"])
+        f"{world}/{name}": composed(cfg, name, choices(cfg, name, world))
         for world in cfg.worlds
         for name in stages_of(cfg, world)
     }
-    kinds = {name: getattr(cfg, name) for name in ("domains", "worlds", "recovery_worlds", "chain_worlds")}
-    items = [f"{kind}=[{','.join(names)}]" for kind, names in kinds.items()]
+    kinds = ("domains", "worlds", "cluster_worlds", "recovery_worlds", "chain_worlds")
+    items = [f"{kind}=[{','.join(getattr(cfg, kind))}]" for kind in kinds]
     texts["report/report"] = composed(cfg, "report", [f"preset={cfg.preset}", *items])
     write(out, texts)
 
@@ -59,9 +59,17 @@ def stages_of(cfg: ConfigStageConfig, world: str) -> tuple[str, ...]:
     return (*WORLD_STAGES, *recovery, *(CHAIN_STAGES if world in cfg.chain_worlds else ()))
 
 
-def composed(cfg: ConfigStageConfig, name: str, choices: list[str]) -> str:
+def choices(cfg: ConfigStageConfig, name: str, world: str) -> list[str]:
+    """Overrides of one stage of one world."""
+    chosen = [f"world={world}", f"item={world}", f"experiment={cfg.preset}"]
+    if name == "cluster" and world in cfg.recovery_worlds:
+        chosen.append(f"preconditions=data/fit_preconditions/{world}/preconditions.npz")
+    return chosen
+
+
+def composed(cfg: ConfigStageConfig, name: str, chosen: list[str]) -> str:
     """The resolved YAML of one stage of one item, checked by its schema; Hydra is up already, in `conf/`."""
-    overrides = [*choices, *ASKED.get(name, ()), f"seed={cfg.seed}", *cfg.overrides.get(name, ())]
+    overrides = [*chosen, *ASKED.get(name, ()), f"seed={cfg.seed}", *cfg.overrides.get(name, ())]
     where = f"conf/{name}.yaml with {' '.join(overrides)}"
     try:
         plain = resolve(compose(config_name=name, overrides=overrides))

@@ -14,8 +14,9 @@ from tests.pipeline.conftest import environment
 
 STAGES = {
     "domains": ("collect", "fit_transfer", "plan", "evaluate_team"),
-    "worlds": ("discover", "cluster"),
-    "recovery_worlds": ("fit_preconditions", "learn_recoveries", "evaluate_recoveries"),
+    "worlds": ("discover",),
+    "cluster_worlds": ("cluster",),
+    "recovery_worlds": ("cluster_lost", "fit_preconditions", "learn_recoveries", "evaluate_recoveries"),
     "chain_worlds": ("chain_recoveries", "evaluate_chains"),
 }
 
@@ -44,8 +45,8 @@ def test_every_output_is_there_and_the_store_has_every_run(clone):
     client = MlflowClient(tracking_uri=f"sqlite:///{clone.path / 'mlflow.db'}")
     for stage, items in ((stage, pipeline[kind]) for kind, stages in STAGES.items() for stage in stages):
         assert {f"{stage}@{item}" for item in items} <= set(lock)
-        runs = client.search_runs([client.get_experiment_by_name(stage).experiment_id])
-        assert {run.data.tags["world"] for run in runs} == set(items)
+        runs = client.search_runs([client.get_experiment_by_name(stage.removesuffix("_lost")).experiment_id])
+        assert {run.data.tags["world"] for run in runs} >= set(items)
         assert {run.info.status for run in runs} == {"FINISHED"}
         assert all(run.data.metrics for run in runs)
     for stage in lock.values():

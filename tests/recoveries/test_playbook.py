@@ -35,11 +35,33 @@ def book(made, strategy, **changes):
     return playbook(strategy, task, nominal, learnt.graph, learnt.timing, np.random.default_rng(0), **known)
 
 
+def both(world):
+    """Of two states, push may start in the first and only align in the second."""
+    return pb.standing(world, [-0.08, -0.08], [0.0, 0.03])
+
+
 def test_where_a_precondition_holds_all_but_open_loop_take_the_most_valuable_skill(made):
-    rows = pb.standing(made[0], [-0.08, -0.08], [0.0, 0.03])  # push may start; only align may
     for strategy in STRATEGIES[:-1]:
-        assert_array_equal(book(made, strategy).choose(moments(rows, ALIGN, 1)), [PUSH, ALIGN])
-    assert_array_equal(book(made, "open_loop").choose(moments(rows, ALIGN, 1)), [PUSH, PUSH])
+        found = book(made, strategy)
+        assert found.choose(moments(both(made[0]), ALIGN, 1))[0] == PUSH
+        assert found.choose(moments(both(made[0]), PUSH, 1))[1] == ALIGN
+    assert_array_equal(book(made, "open_loop").choose(moments(both(made[0]), ALIGN, 1)), [PUSH, PUSH])
+
+
+@pytest.mark.parametrize(
+    ("strategy", "expected"),
+    [
+        ("recoveries", "recovery_0_align"),
+        ("retry", "align"),
+        ("to_previous", "to_align"),
+        ("to_start", "to_align"),
+        ("no_recovery", "align"),
+    ],
+)
+def test_a_skill_that_led_nowhere_gives_way_although_its_precondition_holds(made, strategy, expected):
+    found = book(made, strategy)
+    chosen = found.choose(moments(both(made[0]), ALIGN, 1))
+    assert [found.options[index].name for index in chosen] == ["push", expected]
 
 
 @pytest.mark.parametrize(

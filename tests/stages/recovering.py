@@ -89,9 +89,9 @@ def prepare(folder, **world):
     """Run the stages before `learn_recoveries`."""
     chosen = {"world": WORLD | {"params": WORLD["params"] | world}}
     run("discover", folder / "discover", strategy="pessimistic", executions={"train": 40, "held_out": 32}, **chosen)
-    files = {name: found(folder)[name] for name in ("failures", "held_out")}
-    run("cluster", folder / "cluster", **files, videos=False, **chosen)
     run("fit_preconditions", folder / "fit_preconditions", trajectories=24, samples=48, **chosen)
+    files = {name: found(folder)[name] for name in ("failures", "held_out", "preconditions")}
+    run("cluster", folder / "cluster", **files, videos=False, **chosen)
 
 
 def learn(folder, out, **changes):

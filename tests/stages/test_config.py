@@ -23,7 +23,13 @@ DOORS = [world for world in WORLDS if world.startswith("door")]  # the worlds th
 
 
 def configure(out, *words):
-    """Run the stage in this process."""
+    """Run the stage in this process; where worlds are named, all that learn no recoveries are grouped as found."""
+    named = {"worlds": ["door", "pick_place", "shelf", "cluttered_shelf"], "recovery_worlds": ["door"]}
+    given = dict(word.split("=", 1) for word in words if "worlds=" in word)
+    named |= {key: value.strip("[]").split(",") for key, value in given.items()}
+    if given and "cluster_worlds" not in given:
+        others = dict.fromkeys(name for name in named["worlds"] if name not in named["recovery_worlds"])
+        words = (*words, f"cluster_worlds=[{','.join(others)}]")
     with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
         cfg = validate(resolve(compose("config", [*words])), ConfigStageConfig, "conf/config.yaml")
         config.run.__wrapped__(cfg, out, Tracker())
@@ -85,6 +91,9 @@ def test_recoveries_are_learnt_from_the_items_own_files(tmp_path):
     learn = yaml.safe_load((tmp_path / "door_handle2" / "learn_recoveries.yaml").read_text())
     assert learn["preconditions"] == "data/fit_preconditions/door_handle2/preconditions.npz"
     assert learn["modes"] == "data/cluster/door_handle2/modes.npz"
+    group = yaml.safe_load((tmp_path / "door_handle2" / "cluster.yaml").read_text())
+    assert group["preconditions"] == learn["preconditions"]
+    assert yaml.safe_load((tmp_path / "door" / "cluster.yaml").read_text())["preconditions"] is None
     assert learn["failures"] == "data/discover/door_handle2/failures_train.npz"
     assert learn["held_out"] == "data/discover/door_handle2/failures_held_out.npz"
 
@@ -119,6 +128,8 @@ def test_the_pipeline_trains_what_its_preset_compares(tmp_path):
         ("+overrides.chain_recoveries=['compare=[sac]']", "compare names sac; learners has: rc, lazy_rc, pp, rl"),
         ("recovery_worlds=[door,door]", "recovery_worlds names a world twice"),
         ("recovery_worlds=[shelf]", "world.name: given 'shelf'; no symbols, so no skill graph; worlds that have: door"),
+        ("cluster_worlds=[shelf,door,pick_place,cluttered_shelf]", "cluster_worlds and recovery_worlds both name door"),
+        ("cluster_worlds=[shelf]", "neither cluster_worlds nor recovery_worlds names pick_place, cluttered_shelf"),
         ("+overrides.discover=['strategy=optimistic']", "strategy: given 'optimistic'"),
         ("+overrides.cluster=['video.width=33']", "video.width: given '33'"),
         ("+overrides.plan=['gap=-1']", "gap: given '-1'"),

@@ -30,7 +30,7 @@ LEARN = {"regression": "absolute", "rounds": 12, "query": {"updates": 1, "rollou
 
 
 def iterate(folder, out, **changes):
-    budget = {"max_modes": 2, "executions": {"train": 60, "held_out": 40}, "development": 12, "max_options": 4}
+    budget = {"max_modes": 2, "executions": {"train": 180, "held_out": 120}, "development": 12, "max_options": 4}
     recovering.run("iterate_recoveries", out, **{**recovering.found(folder), **LEARN, **budget, **changes})
 
 

@@ -13,9 +13,11 @@ from mlflow import MlflowClient
 from p2l.artifacts import load_arrays, load_json
 from p2l.errors import ArtifactError, ConfigError
 from p2l.failures.classifier import load_modes, save_modes
+from p2l.failures.lost import lost
 from p2l.failures.record import load_failures, save_failures
 from p2l.preconditions.chained import load_preconditions, save_preconditions
 from p2l.recoveries.record import load_recoveries
+from p2l.registry import get_symbols
 from tests.stages.recovering import ROOT, WORLD, found, learn, prepare, push_seen
 
 RESULTS = ("rounds.csv", "figure_4_6.csv", "figure_4_7.csv", "choosers.csv")
@@ -206,7 +208,8 @@ def test_where_no_recovery_ever_succeeds_that_is_said_and_nothing_breaks(folder,
 def test_a_mode_of_one_failure_is_learnt_and_one_without_held_out_failures_refused(folder, tmp_path):
     files, world = found(folder), push_seen()
     train, held_out = (load_failures(files[name]) for name in ("failures", "held_out"))
-    modes = load_modes(files["modes"], world)
+    modes, fitted = load_modes(files["modes"], world), load_preconditions(files["preconditions"], world)
+    train = train.take(lost(world, get_symbols(world.name, world), fitted, train))
     kept = np.flatnonzero(modes.classify(train.truth)[0] == 0)
     one = np.append(kept, np.setdiff1d(np.arange(len(train)), kept)[:1])
     save_failures(tmp_path / "train.npz", train.take(one))

@@ -46,7 +46,7 @@ class Vicinity:
     """
 
     noise: float = 2.0
-    spread: float = 1.0
+    spread: float = 0.5
     moved: float = 0.5
     arrival_m: float = 0.03
 

@@ -15,6 +15,7 @@ import numpy as np
 from p2l.artifacts import config_hash, finite
 from p2l.errors import ArtifactError
 from p2l.failures.classifier import ModeClassifier
+from p2l.failures.lost import lost
 from p2l.failures.record import Failures
 from p2l.ledger import Item, write
 from p2l.recoveries.ledger import Ledger
@@ -44,14 +45,9 @@ def members(task: Task, failures: Failures, modes: ModeClassifier) -> tuple[Memb
     Raises:
         ArtifactError: none is left.
     """
-    lost = ~task.holds(failures.rows).any(axis=1)
-    if not lost.any():
-        raise ArtifactError(
-            f"no failure ({failures.origin.split}): in each of {len(failures)} states a learnt precondition holds; "
-            "discover with more executions, or fit the preconditions with more samples"
-        )
-    kept = failures.take(lost)
-    return Members(kept.rows, modes.classify(kept.truth)[0]), int((~lost).sum())
+    where = lost(task.world, task.symbols, task.preconditions, failures)
+    kept = failures.take(where)
+    return Members(kept.rows, modes.classify(kept.truth)[0]), len(failures) - len(where)
 
 
 def start_graph(task: Task, failures: Members, modes: ModeClassifier, rewards: Rewards) -> SkillGraph:

@@ -20,12 +20,14 @@ def _known_domains(names: tuple[str, ...]) -> tuple[str, ...]:
 class ItemsConfig(StageConfig):
     """What the pipeline runs (see `conf/pipeline.yaml`): `worlds` are names of files in `conf/world/`.
 
-    `recovery_worlds` are those of them that go on to chapter 4's stages, `chain_worlds` to chapter 5's.
+    `recovery_worlds` are those of them that go on to chapter 4's stages, `cluster_worlds` all others, whose failures
+    are grouped as they were found; `chain_worlds` are those that go on to chapter 5's.
     """
 
     preset: str
     domains: tuple[str, ...]
     worlds: tuple[str, ...]
+    cluster_worlds: tuple[str, ...]
     recovery_worlds: tuple[str, ...]
     chain_worlds: tuple[str, ...]
     overrides: dict[str, tuple[str, ...]] = Field(default_factory=dict)
@@ -48,10 +50,15 @@ class ConfigStageConfig(ItemsConfig):
         items = [*self.domains, *self.worlds]
         if twice := sorted({item for item in items if items.count(item) > 1}):
             raise ValueError(f"domains and worlds name {', '.join(twice)} twice; none twice, for each has one folder")
-        for kind in ("recovery_worlds", "chain_worlds"):
+        for kind in ("cluster_worlds", "recovery_worlds", "chain_worlds"):
             names: tuple[str, ...] = getattr(self, kind)
             if apart := [world for world in names if world not in self.worlds]:
                 raise ValueError(f"{kind} names {', '.join(apart)}; worlds has: {', '.join(self.worlds) or 'none'}")
             if len(set(names)) < len(names):
                 raise ValueError(f"{kind} names a world twice")
+        grouped = {*self.cluster_worlds, *self.recovery_worlds}
+        if both := [world for world in self.cluster_worlds if world in self.recovery_worlds]:
+            raise ValueError(f"cluster_worlds and recovery_worlds both name {', '.join(both)}; one of them groups it")
+        if left := [world for world in self.worlds if world not in grouped]:
+            raise ValueError(f"neither cluster_worlds nor recovery_worlds names {', '.join(left)}, which worlds has")
         return self

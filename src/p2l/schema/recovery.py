@@ -100,6 +100,7 @@ class ClusterConfig(WorldStageConfig):
 
     failures: Path
     held_out: Path
+    preconditions: Path | None
     modes: ModesConfig
     max_modes: Count
     covariance: Literal["full", "tied", "diag", "spherical"]

@@ -22,7 +22,7 @@ from p2l.worlds.observation import Observation, Privileged
 
 UP = np.array([0.0, 0.0, 1.0])
 EMPTY_BELOW_M, OPEN_ABOVE_M = 0.006, 0.065
-GAPS_M = np.array([0.0, 0.04, 0.08])  # what stands for the three
+GAPS_M = np.array([0.0, 0.02, 0.08])  # what stands for the three
 CLOSED_BELOW_M = 1.5 * FINGER_OPEN_M  # three quarters of the widest opening
 
 
