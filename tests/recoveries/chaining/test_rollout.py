@@ -20,7 +20,7 @@ def decide(gathered, slot, number):
     gathered.decide(np.array([slot]), np.full((1, 2), -float(number)), *[np.array([number])] * 3)
 
 
-def test_decisions_are_grouped_by_slot_and_cut_where_an_episode_or_the_rollout_ends():
+def test_decisions_are_grouped_by_slot_and_only_the_end_of_the_rollout_leaves_one_open():
     gathered = Gatherer()
     plan = [(1, 0, {}), (0, 1, {}), (1, 2, {"over": True}), (0, 3, {"over": True, "cut": True}), (1, 4, {}), (0, 5, {})]
     for slot, number, flags in plan:
@@ -30,7 +30,7 @@ def test_decisions_are_grouped_by_slot_and_cut_where_an_episode_or_the_rollout_e
     assert_array_equal(first.slot, [0, 0, 1, 1, 1])
     assert_array_equal(first.action, [1, 3, 0, 2, 4])
     assert_array_equal(first.head, [True, False, True, False, True])
-    assert_array_equal(first.open_end, [False, True, False, False, True])
+    assert_array_equal(first.open_end, [False, False, False, False, True])
     assert_array_equal(first.after[:, 0], first.reward)
     assert_array_equal(gathered.take(1).action, [5])
 

@@ -26,7 +26,7 @@ from p2l.recoveries.chaining.mdp import Limits
 SCHEMA = "recovery_policy"
 FILE = "policy.safetensors"
 CLIP = 10.0  # standardised observations beyond it are cut, as SB3 does
-NARROWEST = 0.05  # m, rad or 1: what hardly varies among failures may vary during recovery
+NARROWEST = 0.02  # m, rad or 1: what hardly varies among failures varies during recovery, by steps of 2 cm
 Weights = Mapping[str, torch.Tensor]
 
 

@@ -2,8 +2,9 @@
 
 1. A rollout is `n_steps` decisions of all slots together (thesis: 120), in SB3's own buffer as if of one environment,
    trajectory after trajectory with `episode_starts` at their heads.
-2. Where a trajectory is cut, by a bound on its length or by the rollout's end, γ · V(next state) is added to its last
-   reward, as SB3 does for time limits.
+2. Where the rollout ends within a trajectory, γ · V(next state) is added to its last reward. A bound on an episode's
+   length ends it for good, unlike SB3's time limits: who has not handed over by then has failed to recover (eq. 5.1).
+   With γ · V there, moving to and fro is worth as much as trying, and learners of the shelf settle for it.
 3. `num_timesteps` counts simulated control steps, options included, so a budget is one of simulation.
 """
 

@@ -29,7 +29,7 @@ class Decisions:
         log_prob: [K] of the action, by the actor at that time.
         reward: [K].
         head: [K] first of its trajectory.
-        open_end: [K] last of a trajectory that was cut, not ended: its future is worth what the critic says of
+        open_end: [K] last of a trajectory that goes on after the rollout: its future is worth what the critic says of
         after: [K, O] the state after the decision.
     """
 
@@ -63,7 +63,6 @@ class _Played:
     reward: float
     after: Array
     over: bool
-    cut: bool
 
 
 class Gatherer:
@@ -85,9 +84,8 @@ class Gatherer:
     def add(self, told: Transitions) -> None:
         """Decisions have played out."""
         for place, slot in enumerate(told.slot.tolist()):
-            over, cut = bool(told.over[place]), bool(told.cut[place])
-            reward, after = float(told.reward[place]), told.observation[place]
-            self._played.append(_Played(slot, self._pending.pop(slot), reward, after, over, cut))
+            over, reward, after = bool(told.over[place]), float(told.reward[place]), told.observation[place]
+            self._played.append(_Played(slot, self._pending.pop(slot), reward, after, over))
 
     def take(self, count: int) -> Decisions:
         """The first `count` decisions, grouped by slot."""
@@ -103,6 +101,6 @@ class Gatherer:
             log_prob=np.array([one.choice.log_prob for one in taken]),
             reward=np.array([one.reward for one in taken]),
             head=np.concatenate([[True], last[:-1]]),
-            open_end=last & np.array([one.cut or not one.over for one in taken]),
+            open_end=last & np.array([not one.over for one in taken]),
             after=np.stack([one.after for one in taken]),
         )
