@@ -16,11 +16,18 @@ from p2l.recoveries.metareskill.value_iteration import (
     greedy,
     nominal_policy,
     predicted_value,
-    recovery_policy,
     recovery_ranking,
+    recovery_values,
     value_iteration,
     value_of_failures,
 )
+
+
+def recovery_policy(graph):
+    """[I] the first in rank from each mode; `NONE` where giving up is worth as much as that, or nothing succeeds."""
+    first = recovery_ranking(graph, np.random.default_rng(0), tie=0.0)[:, 0]
+    worth = recovery_values(graph, value_iteration(graph).targets)[np.arange(len(first)), first]
+    return np.where((first != NONE) & (worth > -graph.c_fail), first, NONE)
 
 
 def by_linear_solve(graph, policy):
@@ -51,7 +58,7 @@ def test_value_iteration_is_a_bellman_fixed_point(graph):
 
 @given(graphs())
 def test_it_is_the_exact_value_of_its_greedy_policy(graph):
-    targets, modes = by_linear_solve(graph, recovery_policy(graph, np.random.default_rng(0), tie=0.0))
+    targets, modes = by_linear_solve(graph, recovery_policy(graph))
     values = value_iteration(graph)
     np.testing.assert_allclose(values.targets, targets, atol=1e-9)
     np.testing.assert_allclose(values.modes, modes, atol=1e-9)
@@ -90,7 +97,7 @@ def test_two_modes_two_targets_by_hand():
     np.testing.assert_allclose(values.targets, [-2.0, 0.0])
     np.testing.assert_allclose(values.modes, [-4.6, -10.0])
     assert value_of_failures(graph) == pytest.approx(-5.95)
-    np.testing.assert_array_equal(recovery_policy(graph, np.random.default_rng(0)), [0, NONE])
+    np.testing.assert_array_equal(recovery_policy(graph), [0, NONE])
 
 
 def test_recoveries_are_ranked_by_value_and_those_that_never_succeed_left_out():
@@ -118,7 +125,7 @@ def test_the_formula_of_the_thesis_is_a_setting_away():
 def test_a_disconnected_mode_is_worth_its_penalty_and_gives_up():
     graph = fresh(3).with_q(np.array([[0.0] * 4, [0.0, 0.0, 0.0, 0.9], [0.0] * 4]))
     np.testing.assert_allclose(value_iteration(graph).modes, [-10.0, -2.0, -10.0])
-    np.testing.assert_array_equal(recovery_policy(graph, np.random.default_rng(0)), [NONE, 3, NONE])
+    np.testing.assert_array_equal(recovery_policy(graph), [NONE, 3, NONE])
 
 
 def test_ties_are_broken_at_random_and_only_ties():

@@ -13,7 +13,7 @@ from p2l.records import Array, BoolArray, IntArray
 from p2l.recoveries.metareskill.graph import SkillGraph
 
 TIE = 1e-3  # values this close to the best are as good as it, in the units of the rewards
-NONE = -1  # no recovery is worth executing, or no precondition holds
+NONE = -1  # no recovery that ever succeeds, or no precondition that holds
 _TOLERANCE = 1e-12
 
 
@@ -82,16 +82,6 @@ def greedy(scores: Array, rng: np.random.Generator, tie: float = TIE) -> IntArra
     """[N] column of the best score in each row of [N, A]; those within `tie` of the best are broken at random."""
     candidate = scores >= scores.max(axis=-1, keepdims=True) - tie
     return np.where(candidate, rng.random(scores.shape), -1.0).argmax(axis=-1).astype(np.int64)
-
-
-def recovery_policy(graph: SkillGraph, rng: np.random.Generator, tie: float = TIE) -> IntArray:
-    """[I] the target to recover to from each mode, or `NONE` where giving up is worth more than any recovery.
-
-    A recovery that never succeeds is no candidate, whatever the rewards.
-    """
-    values = value_iteration(graph)
-    scores = np.where(graph.q > 0.0, recovery_values(graph, values.targets), -np.inf)
-    return np.where(scores.max(axis=1) > -graph.c_fail, greedy(scores, rng, tie), NONE)
 
 
 def recovery_ranking(graph: SkillGraph, rng: np.random.Generator, tie: float = TIE) -> IntArray:
