@@ -84,8 +84,7 @@ def episodes_of_seed(
         item = book.entry(f"{learner}_episodes", seed, agent, policy, world.digest, episodes, names)
         if (known := find(book.records, item)) is None:
             if plain is None:
-                starts = world.sample(generator(seed, "evaluate_chains", world.name, "starts"), episodes)
-                plain = starts, nominal_part(world, nominal, starts, slots=book.slots)
+                plain = nominal_episodes(book, world, nominal, seed, episodes)
             begun = time.perf_counter()
             rows = episode_rows(overall(world, nominal, agent, *plain), policy.card, nominal)
             known = {"episodes": _columns(rows)}
@@ -95,6 +94,14 @@ def episodes_of_seed(
             progress(1)
     table = pd.concat(tables, ignore_index=True)
     return table[["learner", "seed", *(name for name in table.columns if name not in ("learner", "seed"))]]
+
+
+def nominal_episodes(
+    book: Book, world: World, nominal: Sequence[Option], seed: int, episodes: int
+) -> tuple[Rows, Execution]:
+    """The start states of a seed's episodes, and what the nominal chain does from them; the same for every learner."""
+    starts = world.sample(generator(seed, "evaluate_chains", world.name, "starts"), episodes)
+    return starts, nominal_part(world, nominal, starts, slots=book.slots)
 
 
 def _columns(rows: pd.DataFrame) -> dict[str, list[Any]]:

@@ -26,15 +26,14 @@ import numpy as np
 import pandas as pd
 from scipy.spatial import cKDTree
 
-from p2l.evaluation.chain_episodes import Agents, Book
+from p2l.evaluation.chain_episodes import Agents, Book, nominal_episodes
 from p2l.evaluation.chain_reuse_figure import SETS
 from p2l.evaluation.chain_strategies import strategy
 from p2l.failures.classifier import default_fields, features
 from p2l.ledger import find, write
 from p2l.records import Array, IntArray
 from p2l.recoveries.chaining.agent import Agent
-from p2l.recoveries.chaining.execute import BATCH, Recovered, nominal_part, recover
-from p2l.seeding import generator
+from p2l.recoveries.chaining.execute import BATCH, Recovered, recover
 from p2l.skills.chain import run
 from p2l.skills.option import Option
 from p2l.skills.runner import Reason
@@ -209,9 +208,8 @@ def reuse_of_seed(
         if (kept := find(book.records, item)) is None and not agent.whole_task:
             begun = time.perf_counter()
             if failures is None:
-                starts = world.sample(generator(seed, "evaluate_chains", world.name, "starts"), episodes)
-                plain = nominal_part(world, nominal, starts, slots=book.slots)
-                failures = plain.last.rows.take(plain.last.reason == Reason.FAILED)
+                last = nominal_episodes(book, world, nominal, seed, episodes)[1].last
+                failures = last.rows.take(last.reason == Reason.FAILED)
             kept = {"recoveries": _columns(reuse_rows(world, nominal, agent, failures, known()))}
             write(book.records, item, kept, seconds=time.perf_counter() - begun)
         if kept is not None:
