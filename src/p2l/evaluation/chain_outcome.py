@@ -7,9 +7,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import pandas as pd
-from matplotlib.figure import Figure
 
-from p2l.artifacts import atomic, finite, save_json
+from p2l.artifacts import finite, save_json
 from p2l.errors import ArtifactError
 from p2l.evaluation import chain_tables as tables
 from p2l.evaluation.chain_ablation import OWN, ablation_5
@@ -22,7 +21,7 @@ from p2l.evaluation.chain_strategies import TABLE as STRATEGIES
 from p2l.evaluation.chain_strategies import strategies_5
 from p2l.evaluation.chain_transfer import TABLE as TRANSFERS
 from p2l.evaluation.chain_transfer import table_5_2
-from p2l.evaluation.style import png
+from p2l.evaluation.sheets import load_sheet, save_sheets
 from p2l.evaluation.thesis import load_thesis
 
 CHAPTER = 5
@@ -58,7 +57,8 @@ def read_runs(folder: Path, learners: Sequence[str], seeds: Sequence[int]) -> li
     Raises:
         ArtifactError: missing, without a needed column, or without one of the runs.
     """
-    found = {name: _read(folder / f"{name}.csv", columns) for name, columns in _NEEDED.items()}
+    advice = "run `python -m stages.chain_recoveries` with compare=[…]"
+    found = {name: load_sheet(folder / f"{name}.csv", columns, advice) for name, columns in _NEEDED.items()}
     runs = []
     for learner in learners:
         for seed in seeds:
@@ -93,11 +93,7 @@ def chain_report(out: Path, found: Evaluated, thesis: Path) -> tuple[dict[str, f
         tables.TRIED: options_tried(made[tables.TRIED], found.item, MAIN),
         REUSE: novel_starts(made[REUSE], found.item, MAIN),
     }
-    for name, table in made.items():
-        with atomic(out / f"{name}.csv") as temporary:
-            table.to_csv(temporary, index=False, float_format="%.6g")
-    for name, figure in figures.items():
-        _save(out / f"{name}.png", figure)
+    save_sheets(out, made, figures)
     facts = {str(learner): totals(part) for learner, part in found.episodes.groupby("learner", sort=False)}
     save_json(out / "summary.json", {"learners": facts}, schema="chain_evaluation", version=1)
     numbers = {f"{learner}/{name}": one["mean"] for learner, part in facts.items() for name, one in part.items()}
@@ -108,24 +104,7 @@ def chain_report(out: Path, found: Evaluated, thesis: Path) -> tuple[dict[str, f
     return {name: value for name, value in numbers.items() if finite(value) is not None}, files
 
 
-def _read(path: Path, columns: Sequence[str]) -> pd.DataFrame:
-    try:
-        table = pd.read_csv(path)
-    except (OSError, ValueError) as error:
-        raise ArtifactError(f"{path}: cannot be read ({error}); run `python -m stages.chain_recoveries`") from error
-    if missing := [name for name in columns if name not in table]:
-        raise ArtifactError(
-            f"{path}: lacks columns {', '.join(missing)}; run `python -m stages.chain_recoveries` with compare=[…]"
-        )
-    return table
-
-
 def _of(table: pd.DataFrame, learner: str, seed: int) -> pd.DataFrame:
     """One run's rows; columns of other learners' actions go."""
     rows = table[(table["learner"] == learner) & (table["seed"] == seed)]
     return rows.dropna(axis=1, how="all").reset_index(drop=True)
-
-
-def _save(path: Path, figure: Figure) -> None:
-    with atomic(path) as temporary:
-        temporary.write_bytes(png(figure))

@@ -8,15 +8,14 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
 
-from p2l.artifacts import atomic, finite, save_json
+from p2l.artifacts import finite, save_json
 from p2l.errors import ArtifactError
 from p2l.evaluation import recovery_curves as curves
 from p2l.evaluation import recovery_tables as tables
 from p2l.evaluation.recovery_episodes import LEARNT
 from p2l.evaluation.recovery_report import Told
-from p2l.evaluation.style import png
+from p2l.evaluation.sheets import load_sheet, save_sheets
 from p2l.evaluation.thesis import Thesis, load_thesis
 from p2l.recoveries.metareskill.value_iteration import value_of_failures
 from p2l.recoveries.record import Recoveries
@@ -51,14 +50,7 @@ def read_rounds(path: Path, seeds: Sequence[int]) -> pd.DataFrame:
     Raises:
         ArtifactError: missing, without a needed column, or without one of the seeds.
     """
-    try:
-        table = pd.read_csv(path)
-    except (OSError, ValueError) as error:
-        raise ArtifactError(f"{path}: cannot be read ({error}); run `python -m stages.learn_recoveries`") from error
-    if missing := [name for name in _ROUNDS if name not in table]:
-        raise ArtifactError(
-            f"{path}: lacks columns {', '.join(missing)}; run `python -m stages.learn_recoveries` again"
-        )
+    table = load_sheet(path, _ROUNDS, "run `python -m stages.learn_recoveries`")
     if absent := sorted(set(seeds) - set(table["seed"])):
         raise ArtifactError(f"{path}: holds no round of seeds {absent}; learn recoveries with them")
     return table[table["seed"].isin(seeds)]
@@ -81,11 +73,7 @@ def evaluation_report(out: Path, found: Evaluated, thesis: Path, seed: int) -> T
             made["figure_4_7"], f"{found.item}: value of failures while recoveries are trained"
         ),
     }
-    for name, table in made.items():
-        with atomic(out / f"{name}.csv") as temporary:
-            table.to_csv(temporary, index=False, float_format="%.6g")
-    for name, figure in figures.items():
-        _save(out / f"{name}.png", figure)
+    save_sheets(out, made, figures)
     metrics = _headline(made)
     save_json(out / "summary.json", {"headline": metrics}, schema="recovery_evaluation", version=1)
     files = (*(out / f"{name}.csv" for name in made), *(out / f"{name}.png" for name in figures))
@@ -151,8 +139,3 @@ def _notes(found: Evaluated) -> list[str]:
     if broken := int(found.episodes["diverged"].sum()):
         lines.append(f"The simulation of {broken} of {len(found.episodes)} episodes broke down; they are left out.")
     return lines
-
-
-def _save(path: Path, figure: Figure) -> None:
-    with atomic(path) as temporary:
-        temporary.write_bytes(png(figure))

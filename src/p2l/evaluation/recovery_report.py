@@ -9,12 +9,11 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
 
-from p2l.artifacts import atomic, finite, save_json
+from p2l.artifacts import finite, save_json
 from p2l.evaluation.recovery_figures import allocation_figure, graph_figure, value_figure
 from p2l.evaluation.recovery_rounds import Histories, allocation_table, comparison_table, rounds_table, value_table
-from p2l.evaluation.style import png
+from p2l.evaluation.sheets import save_sheets
 from p2l.recoveries.learn import Setting
 from p2l.recoveries.metareskill.history import hopeless
 
@@ -48,9 +47,6 @@ def learning_report(out: Path, item: str, setting: Setting, histories: Histories
         "figure_4_7": values,
         "choosers": compared,
     }
-    for name, table in tables.items():
-        with atomic(out / f"{name}.csv") as temporary:
-            table.to_csv(temporary, index=False, float_format="%.6g")
     figures = {
         "figure_4_6": allocation_figure(values, allocation, choosers[:2], f"{item}: rounds of training"),
         "figure_4_7": value_figure(values, f"{item}: value of failures while recoveries are trained"),
@@ -60,8 +56,7 @@ def learning_report(out: Path, item: str, setting: Setting, histories: Histories
             graph = setting.graph.with_q(history.best)
             told = f"{item}: seed {seed}, {chooser}"
             figures[f"graphs/s{seed}"] = graph_figure(graph, history.trained, targets, told)
-    for name, figure in figures.items():
-        _save(out / f"{name}.png", figure)
+    save_sheets(out, tables, figures)
     facts = _facts(setting, histories, values, compared)
     save_json(out / "summary.json", facts, schema="learn_summary", version=1)
     metrics = {f"value/{name}": float(value) for name, value in facts["final_value"].items()}
@@ -98,8 +93,3 @@ def _notes(setting: Setting, histories: Histories) -> list[str]:
             share = f"{setting.graph.share[mode]:.0%}"
             lines.append(f"Seed {seed}, {chooser}: no recovery from mode {mode} ({share} of failures) ever succeeded.")
     return lines
-
-
-def _save(path: Path, figure: Figure) -> None:
-    with atomic(path) as temporary:
-        temporary.write_bytes(png(figure))

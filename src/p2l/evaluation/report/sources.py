@@ -11,6 +11,7 @@ import yaml  # type: ignore[import-untyped]
 
 from p2l.artifacts import load_arrays, load_json, load_table
 from p2l.errors import ArtifactError
+from p2l.evaluation.sheets import load_sheet
 from p2l.evaluation.thesis import Thesis, load_thesis
 from p2l.records import TransferData
 from p2l.registry import get_domain
@@ -131,11 +132,7 @@ class Sources:
 
     def sheet(self, stage: str, domain: str, name: str) -> pd.DataFrame:
         """A CSV that a stage wrote."""
-        path = self.file(stage, domain, name)
-        try:
-            return pd.read_csv(path)
-        except (OSError, ValueError) as error:
-            raise ArtifactError(f"{path}: no readable table ({error}); run `dvc repro {stage}`") from error
+        return load_sheet(self.file(stage, domain, name), (), f"run `dvc repro {stage}`")
 
     def image(self, stage: str, domain: str, name: str) -> bytes:
         """A PNG that a stage drew."""

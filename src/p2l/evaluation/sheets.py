@@ -1,0 +1,38 @@
+"""What stages leave for people and for later tables: tables as CSV, figures as PNG."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import pandas as pd
+from matplotlib.figure import Figure
+
+from p2l.artifacts import atomic
+from p2l.errors import ArtifactError
+from p2l.evaluation.style import png
+
+
+def save_sheets(out: Path, tables: Mapping[str, pd.DataFrame], figures: Mapping[str, Figure]) -> None:
+    """Write `<name>.csv` of every table, to six digits, and `<name>.png` of every figure."""
+    for name, table in tables.items():
+        with atomic(out / f"{name}.csv") as temporary:
+            table.to_csv(temporary, index=False, float_format="%.6g")
+    for name, figure in figures.items():
+        with atomic(out / f"{name}.png") as temporary:
+            temporary.write_bytes(png(figure))
+
+
+def load_sheet(path: Path, columns: Sequence[str], advice: str) -> pd.DataFrame:
+    """Read a CSV that has at least `columns`; `advice` tells how to make it.
+
+    Raises:
+        ArtifactError: missing, unreadable, or without one of the columns.
+    """
+    try:
+        table = pd.read_csv(path)
+    except (OSError, ValueError) as error:
+        raise ArtifactError(f"{path}: cannot be read ({error}); {advice}") from error
+    if missing := [name for name in columns if name not in table]:
+        raise ArtifactError(f"{path}: lacks columns {', '.join(missing)}; {advice}")
+    return table
