@@ -126,10 +126,10 @@ def last_decisions(world: World, nominal: Sequence[Option], agent: Agent, rows: 
         _last(world, nominal, agent, rows.take(np.arange(first, min(first + BATCH, len(rows)))))
         for first in range(0, len(rows), BATCH)
     ]
-    width = max(part.actions.shape[1] for part, _ in parts)
-    actions = [np.pad(one.actions, ((0, 0), (0, width - one.actions.shape[1])), constant_values=-1) for one, _ in parts]
-    success, steps = (np.concatenate([getattr(one, name) for one, _ in parts]) for name in ("success", "steps"))
-    return Recovered(success, np.concatenate(actions), steps), Rows.join([moment for _, moment in parts])
+    found, moments = zip(*parts, strict=True)
+    names = Recovered.__dataclass_fields__
+    joined = Recovered(**{name: np.concatenate([getattr(part, name) for part in found]) for name in names})
+    return joined, Rows.join(moments)
 
 
 def _last(world: World, nominal: Sequence[Option], agent: Agent, rows: Rows) -> tuple[Recovered, Rows]:
@@ -185,7 +185,6 @@ def reuse_of_seed(
     episodes: int,
     known: Callable[[], Nominal],
     key: Sequence[Any],
-    progress: Callable[[int], None] | None = None,
 ) -> pd.DataFrame:
     """Rows of every learner, from records or leaving them; from the failures of `chain_episodes.episodes_of_seed`.
 
@@ -198,7 +197,6 @@ def reuse_of_seed(
         episodes: from which the failures come.
         known: where nominal execution is; asked only if something has to be run.
         key: what `known` depends on.
-        progress: told 1 after each learner.
     """
     failures: Rows | None = None
     tables = [pd.DataFrame({name: [] for name in ("learner", "seed", *COLUMNS)})]
@@ -214,8 +212,6 @@ def reuse_of_seed(
             write(book.records, item, kept, seconds=time.perf_counter() - begun)
         if kept is not None:
             tables.append(pd.DataFrame(kept["recoveries"]).assign(learner=learner, seed=seed))
-        if progress is not None:
-            progress(1)
     return pd.concat([one for one in tables if len(one)] or tables, ignore_index=True)
 
 
