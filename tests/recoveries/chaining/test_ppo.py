@@ -78,9 +78,12 @@ def test_an_exported_policy_does_what_sb3_does_and_is_refused_elsewhere(task, tm
 
     model = made(task, history=2)
     observation = np.random.default_rng(0).normal(size=(200, len(card.columns)))
-    mine = exported(model, card).act(observation)
-    assert_array_equal(mine, model.predict(observation.astype(np.float32), deterministic=True)[0])
-    assert len(np.unique(mine)) > 1
+    mine = exported(model, card)
+    theirs = model.predict(observation.astype(np.float32), deterministic=True)[0]
+    logits = mine.logits(observation).detach().numpy()
+    best, chosen = logits.max(axis=1), logits[np.arange(len(theirs)), theirs]
+    assert (best - chosen <= 1e-3 * np.abs(logits).max()).all()  # but for ties: a policy is kept in half precision
+    assert len(np.unique(mine.act(observation))) > 1
 
     known = {"world": "push", "digest": card.digest, "columns": card.columns, "actions": card.actions}
     check_policy(policy, tmp_path, **known)

@@ -127,7 +127,8 @@ class Policy:
         hidden = ((torch.tensor(given, dtype=torch.float32) - centre) / spread).clamp(-CLIP, CLIP)
         layers = len(self.weights) // 2
         for layer in range(layers):
-            hidden = functional.linear(hidden, self.weights[f"w{layer}"], self.weights[f"b{layer}"])
+            weight, bias = self.weights[f"w{layer}"].float(), self.weights[f"b{layer}"].float()
+            hidden = functional.linear(hidden, weight, bias)
             hidden = torch.tanh(hidden) if layer < layers - 1 else hidden
         return hidden
 

@@ -37,11 +37,11 @@ def tensors(model: PoolPPO) -> dict[str, torch.Tensor]:
 
 
 def exported(model: PoolPPO, card: Card) -> Policy:
-    """The actor alone."""
+    """The actor alone, in half precision: what is evaluated is what is kept, and a file is half as large."""
     named = dict(model.policy.named_modules())
     layers = [part for name, part in named.items() if name.startswith("mlp_extractor.policy_net.")]
     layers = [part for part in (*layers, named["action_net"]) if isinstance(part, torch.nn.Linear)]
     weights: dict[str, torch.Tensor] = {}
     for index, layer in enumerate(layers):
-        weights |= {f"w{index}": layer.weight.detach().clone(), f"b{index}": layer.bias.detach().clone()}
+        weights |= {f"w{index}": layer.weight.detach().half(), f"b{index}": layer.bias.detach().half()}
     return Policy(card, weights)
