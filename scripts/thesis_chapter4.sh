@@ -20,6 +20,7 @@ for name in figure_4_6 figure_4_7; do
   cp "$clone/data/evaluate_recoveries/door_early/$name.csv" "$results/tables/$name.csv"
   cp "$clone/data/evaluate_recoveries/door_early/$name.png" "$results/figures/$name.png"
 done
+cp "$clone/data/learn_recoveries/door_early/choosers.csv" "$results/tables/choosers.csv"
 for item in door door_early; do
   for stage in discover cluster fit_preconditions learn_recoveries evaluate_recoveries; do
     cp "$clone/data/$stage/$item/summary.json" "$results/metrics/$stage-$item-summary.json"

@@ -81,7 +81,7 @@ def _learn(cfg: ChainRecoveriesConfig, failures: Failures, out: Path, track: Tra
     parts = split(failures.rows, episodes, cfg.seed, world.name)
     task = Task(world, nominal, parts.learnt, cfg.seed)
     learner = make_learner(cfg.learner.name, task, Limits(**cfg.limits.model_dump()), cfg.learner.params)
-    card = card_of(task, learner, cfg.learner.name, cfg.hash)
+    card = card_of(task, learner, cfg.learner.name, cfg.hash, cfg.narrowest)
     with training(f"{cfg.item} {cfg.learner.name} s{cfg.seed}", budget) as show:
 
         def report(kind: str, row: Mapping[str, float]) -> None:

@@ -78,6 +78,7 @@ class ChainRecoveriesConfig(WorldStageConfig):
     learners: dict[str, LearnerConfig]
     records: Path | None
     limits: LimitsConfig
+    narrowest: Positive
     budget: Count
     slots: Count
     evaluation: EvaluationConfig

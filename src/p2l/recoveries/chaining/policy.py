@@ -26,7 +26,7 @@ from p2l.recoveries.chaining.mdp import Limits
 SCHEMA = "recovery_policy"
 FILE = "policy.safetensors"
 CLIP = 10.0  # standardised observations beyond it are cut, as SB3 does
-NARROWEST = 0.02  # m, rad or 1: what hardly varies among failures varies during recovery, by steps of 2 cm
+NARROWEST = 0.05  # m, rad or 1: what hardly varies among failures may vary during recovery
 Weights = Mapping[str, torch.Tensor]
 
 
@@ -43,9 +43,9 @@ class Normalisation:
             object.__setattr__(self, name, freeze(name, getattr(self, name), ("O",), sizes))
 
     @classmethod
-    def of(cls, observations: Array) -> Normalisation:
-        """Mean and standard deviation of [K, O], the latter at least `NARROWEST`."""
-        return cls(observations.mean(axis=0), np.maximum(observations.std(axis=0), NARROWEST))
+    def of(cls, observations: Array, narrowest: float = NARROWEST) -> Normalisation:
+        """Mean and standard deviation of [K, O], the latter at least `narrowest`."""
+        return cls(observations.mean(axis=0), np.maximum(observations.std(axis=0), narrowest))
 
 
 @dataclass(frozen=True)

@@ -23,7 +23,7 @@ from p2l.recoveries.chaining.agent import agent_of, save_agent
 from p2l.recoveries.chaining.checkpoint import Progress, load_checkpoint, save_checkpoint
 from p2l.recoveries.chaining.execute import recover
 from p2l.recoveries.chaining.learner import Learner, Task, no_failures
-from p2l.recoveries.chaining.policy import Card, Normalisation
+from p2l.recoveries.chaining.policy import NARROWEST, Card, Normalisation
 from p2l.recoveries.chaining.pool import action_names, first_state
 from p2l.recoveries.chaining.ppo import PoolPPO, PPOSettings
 from p2l.recoveries.chaining.weights import exported, restore, tensors
@@ -108,7 +108,7 @@ def summary(progress: Progress) -> dict[str, Any]:
     }
 
 
-def card_of(task: Task, learner: Learner, name: str, config_hash: str) -> Card:
+def card_of(task: Task, learner: Learner, name: str, config_hash: str, narrowest: float = NARROWEST) -> Card:
     """The card of the policy to come; observations are standardised by what the episodes start with."""
     state = first_state(task.world, learner.starts, learner.limits)
     return Card(
@@ -120,7 +120,7 @@ def card_of(task: Task, learner: Learner, name: str, config_hash: str) -> Card:
         columns=state.names,
         actions=action_names(learner.primitives, task.nominal if learner.options else ()),
         limits=learner.limits,
-        normalisation=Normalisation.of(state.values),
+        normalisation=Normalisation.of(state.values, narrowest),
         whole_task=learner.whole_task,
         preconditions=learner.preconditions is not None,
     )
