@@ -31,6 +31,7 @@ from p2l.worlds.world import World
 
 LEARNT, OPEN_LOOP = "recoveries", "open_loop"
 VERSION = 1  # raise it when an edit of the code changes episodes: committed records know no code
+POLICY = 2  # the same for what recoveries alone depend on
 
 
 @dataclass(frozen=True)
@@ -193,5 +194,5 @@ def _identity(book: Book, place: Place, strategy: str, seed: int, recoveries: Re
         rewards = [graph.skill_reward, graph.recovery_reward, graph.c_fail]
         decisive += [book.max_options, preconditions_hash(place.task.preconditions), str(recoveries.timing), *rewards]
     if strategy == LEARNT:
-        decisive += [recoveries.modes, recoveries_hash(recoveries)]
+        decisive += [recoveries.modes, recoveries_hash(recoveries), POLICY]
     return config_hash(decisive)

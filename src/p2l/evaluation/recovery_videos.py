@@ -21,7 +21,7 @@ from p2l.failures.record import Failures
 from p2l.records import BoolArray, IntArray
 from p2l.recoveries.learn import Setting
 from p2l.recoveries.record import Recoveries
-from p2l.recoveries.strategies import playbook
+from p2l.recoveries.strategies import Playbook, playbook
 from p2l.registry import get_options
 from p2l.seeding import generator
 from p2l.skills.chain import FINISH, Moments, run
@@ -89,22 +89,18 @@ def _ways_out(
     """From each failure: rows of every control step, names of the skills executed, and whether the goal is reached."""
     task = setting.task
     nominal = get_options(task.world.name, task.world)
-    found = playbook(
-        "recoveries",
-        task,
-        nominal,
-        recoveries.graph,
-        recoveries.timing,
-        generator(0, "videos", "ties"),
-        modes=setting.modes,
-        skills=recoveries.skills,
-        max_options=setting.failures.rows.actions.max() + len(nominal) + 4,
-    )
+    limit = setting.failures.rows.actions.max() + len(nominal) + 4
+
+    def book() -> Playbook:
+        rng, skills = generator(0, "videos", "ties"), recoveries.skills
+        graph, timing, modes = recoveries.graph, recoveries.timing, setting.modes
+        return playbook("recoveries", task, nominal, graph, timing, rng, modes=modes, skills=skills, max_options=limit)
+
     rows = known_exactly(failures.rows)
     count = len(rows)
     nothing = np.zeros(count, dtype=np.int64)
     ended = Moments(np.arange(count), rows, failures.option, nothing, nothing - 1, nothing, nothing, np.zeros(count))
-    first = found.choose(ended)
+    first, found = book().choose(ended), book()  # one that remembers the episodes as they are numbered in its run
     going = np.flatnonzero(first != FINISH)
     paths = [[rows.take([index])] for index in range(count)]
     told: list[list[str]] = [[] for _ in range(count)]

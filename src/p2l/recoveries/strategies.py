@@ -14,8 +14,9 @@ Where the thesis is silent:
 1. Every episode begins with the first skill. Success is perceived: an episode ends when the task is done.
 2. A straight motion leads to the mean of the target's D⁺ for the object as seen, the fingers as there; the motion and
    its timing are those with which REPS begins. "The skill that has just been executed" is the last nominal one.
-3. A recovery that has just led nowhere, that is to the same mode again, gives way to the next best one, in turns, up
-   to the limit of skills: what an open-loop motion did not change it will not change the second time either.
+3. A recovery's success rate is that of its first execution: after n executions in an episode it counts as q / (1 + n).
+   What an open-loop motion did not change it will not change the second time either, so that the next best one has its
+   turn, and then the best one again, up to the limit of skills.
 4. Where the graph values giving up above every recovery, the best one is tried all the same: an episode that ends
    there has failed for sure.
 5. A nominal skill that has just been executed, and whose own precondition is still the most valuable one that holds,
@@ -37,7 +38,7 @@ from p2l.errors import ConfigError
 from p2l.failures.classifier import ModeClassifier
 from p2l.records import IntArray
 from p2l.recoveries.metareskill.graph import SkillGraph
-from p2l.recoveries.metareskill.value_iteration import NONE, nominal_policy, recovery_ranking
+from p2l.recoveries.metareskill.value_iteration import NONE, best_recovery, nominal_policy
 from p2l.recoveries.regression import ParameterisedSkill
 from p2l.recoveries.strategy import STRATEGIES
 from p2l.recoveries.target import Task
@@ -47,7 +48,7 @@ from p2l.skills.relative import Plan, Timing, relative
 from p2l.worlds.observation import Observation
 
 Skills = Mapping[tuple[int, int], ParameterisedSkill]
-Otherwise = Callable[[IntArray, Observation], IntArray]
+Otherwise = Callable[[Moments, Observation], IntArray]
 
 
 @dataclass(frozen=True)
@@ -56,7 +57,7 @@ class Playbook:
 
     Attributes:
         options: nominal ones first, then recoveries.
-        choose: for `skills.chain.run`.
+        choose: for one run of `skills.chain.run`; it remembers what its episodes have tried.
     """
 
     options: tuple[Option, ...]
@@ -78,7 +79,7 @@ class _Policy:
     max_options: int
 
     def choose(self, otherwise: Otherwise, *, repeat: bool = False) -> Choose:
-        """`otherwise` maps the option that was executed last [N], and what is seen, to options [N].
+        """`otherwise` maps moments of being lost [N], and what is seen, to options [N].
 
         `repeat`: whether a nominal skill may follow itself.
         """
@@ -94,7 +95,7 @@ class _Policy:
             lost = ((following == NONE) | nowhere) & ~over
             following[over] = FINISH
             if lost.any():
-                following[lost] = otherwise(ended.option[lost], seen.take(lost))
+                following[lost] = otherwise(ended.take(lost), seen.take(lost))
             return following
 
         return choose
@@ -140,10 +141,10 @@ def playbook(
     count = len(nominal)
     moves = tuple(relative(f"to_{name}", _straight(task, k), timing) for k, name in enumerate(task.targets[:-1]))
     otherwise: dict[str, Otherwise] = {
-        "retry": lambda last, _seen: last % count,
-        "to_previous": lambda last, _seen: count + last % count,
-        "to_start": lambda last, _seen: np.full_like(last, count),
-        "no_recovery": lambda last, _seen: np.full_like(last, FINISH),
+        "retry": lambda ended, _seen: ended.option % count,
+        "to_previous": lambda ended, _seen: count + ended.option % count,
+        "to_start": lambda ended, _seen: np.full(len(ended), count),
+        "no_recovery": lambda ended, _seen: np.full(len(ended), FINISH),
     }
     return Playbook((*nominal, *moves), policy.choose(otherwise[strategy], repeat=strategy == "no_recovery"))
 
@@ -156,23 +157,45 @@ def _recoveries(
     modes: ModeClassifier,
     skills: Skills,
 ) -> Playbook:
-    task, ranking = policy.task, recovery_ranking(policy.graph, rng)
-    option = np.full(ranking.shape, FINISH)
+    task, graph, executed = policy.task, policy.graph, _Executed(policy.graph.q.shape)
+    order = rng.random(graph.q.shape)
+    option = np.full(graph.q.shape, FINISH)
     learnt: list[Option] = []
-    for (mode, rank), target in np.ndenumerate(ranking):
-        if target != NONE:
-            option[mode, rank] = len(nominal) + len(learnt)
-            plan = _learnt(task, skills[mode, int(target)], int(target))
-            learnt.append(relative(f"recovery_{mode}_{task.targets[target]}", plan, timing))
-    feasible = (option != FINISH).sum(axis=1)
+    for mode, target in np.argwhere(graph.q > 0.0).tolist():
+        option[mode, target] = len(nominal) + len(learnt)
+        plan = _learnt(task, skills[mode, target], target)
+        learnt.append(relative(f"recovery_{mode}_{task.targets[target]}", plan, timing))
 
-    def recover(last: IntArray, seen: Observation) -> IntArray:
+    def recover(ended: Moments, seen: Observation) -> IntArray:
         mode = modes.classify(seen)[0]
-        again = option[mode] == last[:, None]
-        following = np.where(again.any(axis=1), again.argmax(axis=1) + 1, 0)
-        return np.asarray(option[mode, following % np.maximum(feasible[mode], 1)])
+        target = best_recovery(graph, mode, executed.before(ended.episode)[np.arange(len(mode)), mode], order)
+        found = target != NONE
+        executed.count(ended.episode[found], mode[found], target[found])
+        return np.where(found, option[mode, target], FINISH)
 
     return Playbook((*nominal, *learnt), policy.choose(recover))
+
+
+class _Executed:
+    """How often each recovery was executed in each episode of a run.
+
+    Args:
+        shape: I modes, M targets.
+    """
+
+    def __init__(self, shape: tuple[int, ...]) -> None:
+        self._counts = np.zeros((0, *shape), dtype=np.int64)
+
+    def before(self, episode: IntArray) -> IntArray:
+        """[N, I, M] of episodes [N]."""
+        more = int(episode.max(initial=-1)) + 1 - len(self._counts)
+        if more > 0:
+            self._counts = np.concatenate([self._counts, np.zeros((more, *self._counts.shape[1:]), dtype=np.int64)])
+        return np.asarray(self._counts[episode])
+
+    def count(self, episode: IntArray, mode: IntArray, target: IntArray) -> None:
+        """Once more; each episode [N] is named at most once."""
+        self._counts[episode, mode, target] += 1
 
 
 def _straight(task: Task, target: int) -> Plan:

@@ -84,16 +84,20 @@ def greedy(scores: Array, rng: np.random.Generator, tie: float = TIE) -> IntArra
     return np.where(candidate, rng.random(scores.shape), -1.0).argmax(axis=-1).astype(np.int64)
 
 
-def recovery_ranking(graph: SkillGraph, rng: np.random.Generator, tie: float = TIE) -> IntArray:
-    """[I, M] targets from each mode, the most valuable recovery first; `NONE` instead of those that never succeed.
+def best_recovery(graph: SkillGraph, mode: IntArray, executed: IntArray, order: Array) -> IntArray:
+    """[N] the target of the most valuable recovery, `NONE` where none ever succeeds.
 
-    Values closer than `tie` are ordered at random.
+    Args:
+        graph: the skill graph.
+        mode: [N] modes to recover from.
+        executed: [N, M] how often each recovery was executed before from the same failure; its rate q was measured on
+            failures met for the first time, and counts as q / (1 + n) after n times.
+        order: [I, M] in [0, 1), decides among values closer than `TIE`.
     """
-    scores = recovery_values(graph, value_iteration(graph).targets) + tie * rng.random(graph.q.shape)
-    scores = np.where(graph.q > 0.0, scores, -np.inf)
-    order = np.argsort(-scores, axis=1, kind="stable")
-    feasible = np.take_along_axis(graph.q > 0.0, order, axis=1)
-    return np.where(feasible, order, NONE).astype(np.int64)
+    targets, q = value_iteration(graph).targets, graph.q[mode]
+    scores = recovery_values(graph, targets, q / (1.0 + executed)) + TIE * order[mode]
+    best = np.where(q > 0.0, scores, -np.inf).argmax(axis=1)
+    return np.where((q > 0.0).any(axis=1), best, NONE).astype(np.int64)
 
 
 def nominal_policy(graph: SkillGraph, holds: BoolArray, rng: np.random.Generator, tie: float = TIE) -> IntArray:
