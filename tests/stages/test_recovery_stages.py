@@ -205,6 +205,21 @@ def test_where_no_recovery_ever_succeeds_that_is_said_and_nothing_breaks(folder,
     assert not load_recoveries(tmp_path / "recoveries" / "s0.npz", world, far, modes).skills
 
 
+def test_modes_are_of_failures_where_no_learnt_precondition_holds(folder):
+    files, world = found(folder), push_seen()
+    fitted = load_preconditions(files["preconditions"], world)
+    labels = load_arrays(folder / "cluster" / "labels.npz", schema="failure_labels", version=1)
+    for split, name in (("train", "failures"), ("held_out", "held_out")):
+        failures = load_failures(files[name], split)
+        left = lost(world, get_symbols(world.name, world), fitted, failures)
+        assert 0 < len(left) < len(failures)
+        np.testing.assert_array_equal(labels[f"{split}_index"], left)
+    table = pd.read_csv(folder / "cluster" / "modes.csv")
+    assert table["size"].sum() == len(labels["train_index"])
+    place = [labels["train_index"].tolist().index(one) for one in table["typical"]]  # counted in the file of failures
+    assert labels["train"][place].tolist() == table["mode"].tolist()
+
+
 def test_a_mode_of_one_failure_is_learnt_and_one_without_held_out_failures_refused(folder, tmp_path):
     files, world = found(folder), push_seen()
     train, held_out = (load_failures(files[name]) for name in ("failures", "held_out"))

@@ -91,8 +91,8 @@ class _Policy:
             holds = self.task.preconditions.holds(self.task.symbols.state(seen), done)
             following = nominal_policy(self.graph, holds, rng)
             over = done | (ended.rows.actions >= self.max_options)
-            nowhere = following == (NONE if repeat else ended.option)
-            lost = ((following == NONE) | nowhere) & ~over
+            lost = following == NONE if repeat else (following == NONE) | (following == ended.option)
+            lost &= ~over
             following[over] = FINISH
             if lost.any():
                 following[lost] = otherwise(ended.take(lost), seen.take(lost))

@@ -5,8 +5,8 @@
 2. Where the rollout ends within a trajectory, γ · V(next state) is added to its last reward. A bound on an episode's
    length ends it for good, unlike SB3's time limits: who has not handed over by then has failed to recover (eq. 5.1).
    With γ · V there, moving to and fro is worth as much as trying, and learners of the shelf settle for it.
-3. On the shelves the entropy bonus is 0.02 (conf/chaining), the author's 0: there random actions are paid in fewer than
-   1 % of episodes, and normalised advantages of unpaid rollouts are noise, after which the policy would drift.
+3. On the shelves the entropy bonus is 0.02 (conf/chaining), the author's 0. Random actions are paid in 0.7 % of the
+   shelf's episodes; normalised advantages of rollouts without any pay are noise, and the bonus holds against that.
 4. `num_timesteps` counts simulated control steps, options included, so a budget is one of simulation.
 """
 
