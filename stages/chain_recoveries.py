@@ -76,7 +76,8 @@ def _learn(cfg: ChainRecoveriesConfig, failures: Failures, out: Path, track: Tra
     """One run; its policy, and as long as it is under way its checkpoint, are in `out`."""
     budget = round(cfg.budget * cfg.learner.budget_share)
     every, episodes = cfg.evaluation.every, cfg.evaluation.episodes
-    settings = TrainSettings(budget, cfg.slots, every, episodes, PPOSettings(**cfg.ppo.model_dump()))
+    ppo = PPOSettings(**cfg.ppo.model_dump())
+    settings = TrainSettings(budget, cfg.slots, every, episodes, ppo, cfg.revisit)
     world, nominal = open_world(failures, cfg.failures)
     parts = split(failures.rows, episodes, cfg.seed, world.name)
     task = Task(world, nominal, parts.learnt, cfg.seed)

@@ -81,6 +81,7 @@ class ChainRecoveriesConfig(WorldStageConfig):
     narrowest: Positive
     budget: Count
     slots: Count
+    revisit: Probability
     evaluation: EvaluationConfig
     ppo: PPOConfig
 

@@ -29,7 +29,15 @@ def test_the_threshold_is_the_lowest_with_enough_precision_by_hand():
 def played(slots, done):
     flags = np.ones(len(slots), dtype=bool)
     return Transitions(
-        slots, np.zeros((len(slots), 1)), done.astype(float), done, flags, ~flags, slots, np.zeros((len(slots), 1))
+        slots,
+        np.zeros((len(slots), 1)),
+        done.astype(float),
+        done,
+        flags,
+        flags,
+        ~flags,
+        slots,
+        np.zeros((len(slots), 1)),
     )
 
 

@@ -12,7 +12,7 @@ from p2l.recoveries.chaining.rollout import Gatherer
 def told(slot, number, *, over=False, cut=False):
     """One decision has played out; its number is its reward."""
     one, state = np.array([slot]), np.full((1, 2), float(number))
-    flags = [np.array([flag]) for flag in (False, over, cut)]
+    flags = [np.array([flag]) for flag in (False, over, True, cut)]
     return Transitions(one, state, np.array([float(number)]), *flags, one, state)
 
 

@@ -14,6 +14,7 @@ from p2l.errors import ConfigError
 from p2l.recoveries.chaining.mdp import Judge, Limits, task_success
 from p2l.recoveries.chaining.pool import Pool
 from p2l.recoveries.chaining.preconditions import Preconditions
+from p2l.recoveries.chaining.revisit import Revisits
 from p2l.recoveries.chaining.shortcut import Shortcut
 from p2l.skills.option import Option
 from p2l.skills.primitives import PRIMITIVES, Primitive
@@ -73,12 +74,21 @@ class Learner:
     preconditions: Preconditions | None = None
     whole_task: bool = False
 
-    def pool(self, task: Task, rng: np.random.Generator, slots: int, starts: Rows | None = None) -> Pool:
-        """The MDP it learns in; every episode starts at one of `starts`, drawn by `rng`."""
-        rows = self.starts if starts is None else starts
-        nominal = task.nominal if self.options else ()
+    def pool(self, task: Task, rng: np.random.Generator, slots: int, revisit: float = 0.0) -> Pool:
+        """The MDP it learns in; episodes start at one of `starts`, drawn by `rng`, or go on from an earlier success.
+
+        Args:
+            task: what for.
+            rng: which starts.
+            slots: episodes at once.
+            revisit: see `revisit.Revisits`; whole tasks are never gone on with.
+        """
+        rows, nominal = self.starts, task.nominal if self.options else ()
+        again = None
+        if revisit and not self.whole_task:
+            again = Revisits(revisit, slots, self.limits.decisions, rng.spawn(1)[0])
 
         def some(n: int) -> Rows:
             return rows.take(rng.integers(len(rows), size=n))
 
-        return Pool(task.world, nominal, self.primitives, some, slots, self.limits, self.judge)
+        return Pool(task.world, nominal, self.primitives, some, slots, self.limits, self.judge, again)

@@ -49,6 +49,7 @@ class Transitions:
         reward: [K] 1 where the task is done, or what the learner's judge says.
         done: [K] the task is done.
         over: [K] the episode has ended.
+        fresh: [K] the ended episode started at a recorded failure, not at a moment of an earlier success.
         cut: [K] it ended by a bound on its length, not by success, failure or an option: not a terminal state.
         steps: [K] control steps the decision took.
         next_observation: [K, O] what the slot's next decision is made on: `observation`, or a new episode's start.
@@ -59,6 +60,7 @@ class Transitions:
     reward: Array
     done: BoolArray
     over: BoolArray
+    fresh: BoolArray
     cut: BoolArray
     steps: IntArray
     next_observation: Array

@@ -14,6 +14,7 @@ Deviations from the thesis, and readings of it:
 2. Time is counted in control steps, options included, so that methods with long options are charged for them.
 3. A learner may judge decisions in its own way (a learnt precondition, a dense reward), have no nominal options, or
    end an episode unsimulated (`settle`); it is the same MDP otherwise.
+4. Some episodes may go on from moments of earlier successes (`revisit`).
 
 Axis letters: B slots, K decisions, O observation columns.
 """
@@ -27,6 +28,7 @@ import numpy as np
 from p2l.errors import ConfigError, ShapeError
 from p2l.records import Array, BoolArray, IntArray
 from p2l.recoveries.chaining.mdp import Judge, Limits, Played, Starts, Transitions, Watch, task_success
+from p2l.recoveries.chaining.revisit import Moments, Revisits
 from p2l.skills.option import Option
 from p2l.skills.runner import Reason, Runner
 from p2l.worlds.observation import Observation
@@ -44,6 +46,7 @@ class Pool:
         slots: B.
         limits: bounds of an episode.
         judge: the reward of each decision [K], and whether it ends the episode [K].
+        revisits: lets episodes go on from moments of earlier successes; none: all start at recorded failures.
 
     Attributes:
         waiting: [B] slots that wait for a decision.
@@ -60,8 +63,9 @@ class Pool:
         slots: int,
         limits: Limits | None = None,
         judge: Judge = task_success,
+        revisits: Revisits | None = None,
     ) -> None:
-        self.world, self.limits, self._judge = world, limits or Limits(), judge
+        self.world, self.limits, self._judge, self._revisits = world, limits or Limits(), judge, revisits
         self._primitives, self._chain = len(primitives), len(nominal)
         self.actions = action_names(primitives, nominal)
         self._starts = starts
@@ -107,6 +111,7 @@ class Pool:
         self.waiting[slots] = False
         self._before[slots] = self._runner.steps_total[slots]
         self._begun.put(slots, self._runner.rows.take(slots))
+        self._pass(slots)
         self._runner.begin(slots, actions)
 
     def settle(self, slots: IntArray, reward: Array) -> Transitions:
@@ -117,10 +122,13 @@ class Pool:
         """
         self._refuse_busy(slots)
         observation = self.observation[slots].copy()
-        self._renew(slots)
+        self._pass(slots)
+        fresh = self._leave(slots, reward > 0.0)
         yes, no = np.ones(len(slots), dtype=np.bool_), np.zeros(len(slots), dtype=np.bool_)
         steps = np.zeros(len(slots), dtype=np.int64)
-        return Transitions(slots, observation, reward, reward > 0.0, yes, no, steps, self.observation[slots].copy())
+        return Transitions(
+            slots, observation, reward, reward > 0.0, yes, fresh, no, steps, self.observation[slots].copy()
+        )
 
     def poll(self, watch: Watch | None = None) -> Transitions:
         """Advance until at least one decision has played out.
@@ -170,12 +178,12 @@ class Pool:
         if not np.isfinite(reward).all():
             raise ShapeError(f"{self.world.name}: the reward of a decision is NaN or infinite")
         ended = nominal | failed | ends
-        over = ended | spent
+        over, fresh = ended | spent, np.ones(len(slot), dtype=np.bool_)
         if over.any():
-            self._renew(slot[over])
+            fresh[over] = self._leave(slot[over], reward[over] > 0.0)
         self.waiting[slot] = True
         cut, following = over & ~ended, self.observation[slot].copy()
-        return Transitions(slot, observation, reward, done, over, cut, steps, following)
+        return Transitions(slot, observation, reward, done, over, fresh, cut, steps, following)
 
     def _renew(self, slots: IntArray) -> None:
         """New episodes from recorded failures."""
@@ -191,6 +199,40 @@ class Pool:
             self._columns = Observation.stack([seen] * self.limits.history).names
         for past in self._history:  # before the failure there is nothing to remember: the start repeats
             past[slots] = seen.values
+
+    def _leave(self, slots: IntArray, paid: BoolArray) -> BoolArray:
+        """Episodes have ended; others begin. Returns which of the ended ones [K] had started at a recorded failure."""
+        if self._revisits is None:
+            self._renew(slots)
+            return np.ones(len(slots), dtype=np.bool_)
+        fresh = self._revisits.fresh[slots]
+        self._revisits.ended(slots, paid)
+        self._renew(slots)
+        back, moments = self._revisits.begin(slots)
+        if moments is not None and len(back):
+            self._go_back(back, moments)
+        return fresh
+
+    def _go_back(self, slots: IntArray, moments: Moments) -> None:
+        self._runner.start(slots, moments.rows, np.zeros(len(slots), dtype=np.int64))
+        self._runner.muted[slots] = moments.muted
+        self._runner.stop(slots)
+        self._decisions[slots] = moments.decisions
+        self._primitive_steps[slots] = moments.primitive_steps
+        for past, part in zip(self._history, np.split(moments.state, len(self._history), axis=1), strict=True):
+            past[slots] = part
+
+    def _pass(self, slots: IntArray) -> None:
+        """Note where a decision is taken."""
+        if self._revisits is not None:
+            moments = Moments(
+                rows=self._runner.rows.take(slots),
+                state=self.observation[slots],
+                decisions=self._decisions[slots],
+                primitive_steps=self._primitive_steps[slots],
+                muted=self._runner.muted[slots],
+            )
+            self._revisits.passing(slots, moments)
 
     def _observe(self, slots: IntArray) -> None:
         """Shift the history of `slots` and put the present observation first."""

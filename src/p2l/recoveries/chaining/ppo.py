@@ -5,8 +5,11 @@
 2. Where the rollout ends within a trajectory, γ · V(next state) is added to its last reward. A bound on an episode's
    length ends it for good, unlike SB3's time limits: who has not handed over by then has failed to recover (eq. 5.1).
    With γ · V there, moving to and fro is worth as much as trying, and learners of the shelf settle for it.
-3. On the shelves the entropy bonus is 0.02 (conf/chaining), the author's 0. Random actions are paid in 0.7 % of the
-   shelf's episodes; normalised advantages of rollouts without any pay are noise, and the bonus holds against that.
+3. The entropy bonus is 0.02, the author's 0, and λ is 0.5, SB3's 0.95 (conf/chain_recoveries.yaml). Normalised
+   advantages of rollouts without any pay are noise, and the bonus holds against that. Where options end an episode
+   and mostly fail, a long λ charges a good motion for the option tried after it; a short one credits it by the critic.
+   With this and `revisit`, three of three development seeds of the shelf took off within 90,000 control steps;
+   without, none of two within 120,000.
 4. `num_timesteps` counts simulated control steps, options included, so a budget is one of simulation.
 """
 
@@ -66,22 +69,25 @@ class Round:
 
     Attributes:
         chosen: [A] how often each action was chosen among the decisions of the rollout.
-        ended: episodes that ended.
+        ended: episodes from recorded failures that ended.
         done: of them, with the task done.
-        settled: of them, unsimulated.
+        revisited: episodes that went on from an earlier success, and ended.
+        settled: episodes that ended unsimulated.
         reward: sum over decisions.
     """
 
     chosen: IntArray
     ended: int = 0
     done: int = 0
+    revisited: int = 0
     settled: int = 0
     reward: float = 0.0
 
     def add(self, told: Transitions, settled: bool) -> None:
         """Count what has played out."""
-        self.ended += int(told.over.sum())
-        self.done += int((told.done & told.over).sum())
+        self.ended += int((told.over & told.fresh).sum())
+        self.done += int((told.done & told.over & told.fresh).sum())
+        self.revisited += int((told.over & ~told.fresh).sum())
         self.settled += settled * len(told.slot)
         self.reward += float(told.reward.sum())
 

@@ -42,6 +42,7 @@ class TrainSettings:
         evaluate_every: control steps between evaluations.
         episodes: of an evaluation.
         ppo: of the algorithm.
+        revisit: share of the episodes that go on from earlier successes while nothing is solved.
     """
 
     budget: int
@@ -49,6 +50,7 @@ class TrainSettings:
     evaluate_every: int = 20_000
     episodes: int = 20
     ppo: PPOSettings = field(default_factory=PPOSettings)
+    revisit: float = 0.0
 
     def __post_init__(self) -> None:
         round_steps = self.ppo.n_steps * STEPS
@@ -143,7 +145,7 @@ def train(
     progress = load_checkpoint(folder, card) or Progress()
     resumed = progress.control_steps
     rng = generator(task.seed, "chain_recoveries", task.world.name, "starts", resumed)
-    pool = learner.pool(task, rng, settings.slots)
+    pool = learner.pool(task, rng, settings.slots, settings.revisit)
     seed = entropy(task.seed, "chain_recoveries", task.world.name, "ppo", resumed) & (2**32 - 1)
     model = PoolPPO(pool, settings.ppo, card.normalisation, seed, learner.shortcut)
     if progress.tensors:
@@ -193,7 +195,12 @@ class _Watcher(BaseCallback):
             "control_steps": progress.control_steps,
             "ended": one.ended,
         }
-        row |= {"done": one.done, "settled": one.settled, "timeouts": self.model.pool.timeouts}
+        row |= {
+            "done": one.done,
+            "revisited": one.revisited,
+            "settled": one.settled,
+            "timeouts": self.model.pool.timeouts,
+        }
         row |= {"reward": one.reward, "seconds": self._seconds(), **chosen}
         progress.rounds.append(row)
         self._report("round", row)

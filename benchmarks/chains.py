@@ -1,0 +1,136 @@
+"""What learning where and how to recover costs: training beside the bare engine.
+
+  python -m benchmarks.chains                                     RecoveryChaining on pick-place and on the shelf
+  python -m benchmarks.chains --worlds shelf --learners rc pp --json out.json
+
+Each learner trains for `--budget` control steps from failures of fresh nominal executions: policy, options, detectors,
+rewards and PPO's updates included; evaluations and checkpoints are not. `engine_s` replays the very commands of that
+training with plain engine calls, so `engine_share` = engine_s / train_s is the part of the engine's throughput that
+training uses. `update_share` is the part of train_s that PPO's updates take, `rows` the episodes that an engine call
+moves on average, and `half_million_min` the time of a run of 500,000 control steps at this rate.
+
+The machine is shared: figures are medians over `--rounds`, and only ratios of one run mean much.
+"""
+
+from __future__ import annotations
+
+import time
+from statistics import median
+
+import numpy as np
+import torch
+
+from benchmarks import report
+from benchmarks.simulation import Recorder
+from p2l import registry
+from p2l.errors import ConfigError
+from p2l.recoveries.chaining.learner import Task
+from p2l.recoveries.chaining.learners import known_learners, make_learner
+from p2l.recoveries.chaining.mdp import Limits
+from p2l.recoveries.chaining.ppo import PoolPPO, PPOSettings
+from p2l.recoveries.chaining.train import card_of
+from p2l.skills import chain
+from p2l.worlds.world import NO_FAILURE
+
+SLOTS = 64
+STARTS = 400  # nominal executions, to find failures
+
+
+class Timed(PoolPPO):
+    """Keeps the time that updates take."""
+
+    update_s = 0.0
+
+    def train(self) -> None:
+        """One update."""
+        began = time.perf_counter()
+        super().train()
+        self.update_s += time.perf_counter() - began
+
+
+def opened(name: str, threads: int) -> Task:
+    """A world with failures at the detectors' first flag.
+
+    Raises:
+        ConfigError: none was found.
+    """
+    world = registry.get_world(name, {"nthread": threads})
+    nominal = registry.get_options(name, world)
+    last = chain.run(world, nominal, world.sample(np.random.default_rng(0), STARTS)).last
+    failed = last.take(last.kind != NO_FAILURE).rows
+    if not len(failed):
+        raise ConfigError(f"{STARTS} nominal executions of world '{name}' raised no flag; choose another world")
+    return Task(world, nominal, failed, 0)
+
+
+def trained(task: Task, name: str, budget: int) -> tuple[Timed, float]:
+    """A training always by the same seed, and its wall time; what comes before it is outside the time."""
+    learner = make_learner(name, task, Limits())
+    pool = learner.pool(task, np.random.default_rng(0), SLOTS)
+    seen = card_of(task, learner, name, "").normalisation
+    model = Timed(pool, PPOSettings(), seen, 0, learner.shortcut)
+    began = time.perf_counter()
+    model.learn(budget, log_interval=10**9)
+    return model, time.perf_counter() - began
+
+
+def measure(name: str, learner: str, budget: int, rounds: int, threads: int) -> report.Row:
+    """Training and replay in turns."""
+    task = opened(name, threads)
+    with Recorder(task.world) as recorder:
+        trained(task, learner, budget)
+    # Preconditions and the first states, learnt before training begins, are recorded first; the budget ends the rest.
+    calls, rows = [], 0
+    for call in reversed(recorder.calls):
+        if rows >= budget:
+            break
+        calls.append(call)
+        rows += len(call[0])
+    calls.reverse()
+    taken: list[tuple[float, float, float, int]] = []
+    for _ in range(rounds):
+        model, spent = trained(task, learner, budget)
+        began = time.perf_counter()
+        for call in calls:
+            task.world.engine.step(*call)
+        replay = (time.perf_counter() - began) * model.num_timesteps / rows
+        taken.append((spent, replay, model.update_s, model.num_timesteps))
+    return {
+        "world": name,
+        "learner": learner,
+        "control_steps": taken[0][3],
+        "rows": round(rows / len(calls), 1),
+        "threads": threads,
+        "train_s": round(median(one[0] for one in taken), 2),
+        "engine_s": round(median(one[1] for one in taken), 2),
+        "engine_share": round(median(one[1] / one[0] for one in taken), 3),
+        "update_share": round(median(one[2] / one[0] for one in taken), 3),
+        "control_steps_per_s": round(median(one[3] / one[0] for one in taken)),
+        "half_million_min": round(median(one[0] / one[3] for one in taken) * 500_000 / 60, 2),
+    }
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Command line.
+
+    Raises:
+        ConfigError: the nominal skills of a world raise no flag.
+    """
+    parser = report.parser(__doc__)
+    parser.add_argument("--worlds", nargs="+", choices=registry.known_worlds(), default=["pick_place", "shelf"])
+    parser.add_argument("--learners", nargs="+", choices=known_learners(), default=["rc"])
+    parser.add_argument("--budget", type=int, default=15_000, help="control steps")
+    parser.add_argument("--threads", type=int, default=2)
+    parser.add_argument("--rounds", type=int, default=3)
+    given = parser.parse_args(arguments)
+    torch.set_num_threads(1)  # as in training
+    rows = [
+        measure(world, learner, given.budget, given.rounds, given.threads)
+        for world in given.worlds
+        for learner in given.learners
+    ]
+    report.finish(rows, given.json)
+
+
+if __name__ == "__main__":
+    main()
