@@ -47,6 +47,10 @@ def test_overall_success_pools_episodes_and_the_seeds_are_kept_apart(made):
     assert (seeds["mean"], seeds["n"]) == (pytest.approx(0.95), 2)
     assert seeds["low"] < 0.95 < seeds["high"]
     assert cell(made, "rc", "recovery")["mean"] == 5 / 6
+    second = cell(made, "rc", "success", "world=pick_place;seed=1")
+    assert (second["mean"], second["n"]) == (9 / 10, 10)
+    assert cell(made, "rc", "recovery", "world=pick_place;seed=1")["mean"] == 0.5
+    assert cell(made, "nominal", "success", "world=pick_place;seed=0")["mean"] == 0.6
     assert cell(made, "nominal", "success")["mean"] == 14 / 20
     assert cell(made, "rl", "success")["mean"] == 0.1
 
@@ -67,6 +71,8 @@ def test_curves_hold_the_last_evaluation_so_far(runs, thesis):
     half = cell(table, "rc", "success", "world=pick_place;control_steps=50")
     assert (half["mean"], half["n"]) == (0.1, 2)
     assert cell(table, "rc", "success", "world=pick_place;control_steps=100")["mean"] == pytest.approx(0.7)
+    assert cell(table, "rc", "success", "world=pick_place;seed=0;control_steps=50")["mean"] == 0.2
+    assert cell(table, "rc", "success", "world=pick_place;seed=1;control_steps=100")["mean"] == 0.8
     assert len(learning_curves(table).axes) == 1
 
 
@@ -74,6 +80,7 @@ def test_options_are_counted_by_round(runs, thesis):
     table = figure_5_8(runs, thesis)
     assert cell(table, "rc", "place", "world=pick_place;round=1")["mean"] == 5.0
     assert cell(table, "rc", "pick", "world=pick_place;round=0")["mean"] == 3.0
+    assert cell(table, "rc", "place", "world=pick_place;round=1;seed=0")["mean"] == 5.0
     assert len(options_tried(table, "pick_place").axes[0].lines) == 2
 
 

@@ -9,6 +9,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from p2l.evaluation.chain_tables import pooled
 from p2l.evaluation.style import MethodStyle, label_ends, plain
 from p2l.records import Array
 
@@ -80,7 +81,8 @@ def _band(axes: Axes, x: Array, part: pd.DataFrame, colour: str, step: Literal["
 
 
 def _with_numbers(table: pd.DataFrame, number: str) -> pd.DataFrame:
-    """The table with its settings as columns."""
+    """The rows over all seeds, with their settings as columns."""
+    table = pooled(table)
     parts = table["setting"].str.extract(rf"world=(?P<world>[^;]+);{number}=(?P<number>\d+)")
     return table.assign(world=parts["world"], **{number: parts["number"].astype(float)}).sort_values(
         number, kind="stable"

@@ -1,7 +1,7 @@
 """Table 5.1 and the data of figures 5.5 and 5.8, as long tables beside the thesis's numbers.
 
 Columns are those of `tables.COLUMNS`: `mean` with `low` and `high` is an estimate and its 95 % interval, empty where
-there is none; a `setting` is `name=value` pairs joined by `;`.
+there is none; a `setting` is `name=value` pairs joined by `;`, and those with a `seed` tell of one run alone.
 """
 
 from __future__ import annotations
@@ -43,6 +43,7 @@ def table_5_1(episodes: Mapping[str, pd.DataFrame], thesis: Thesis) -> pd.DataFr
 
     `success` pools the episodes of all seeds (Wilson limits); `success_by_seed` is the mean of the seeds' rates (t
     limits, which also hold what differs between runs of learning); `recovery` counts only episodes that were flagged.
+    Rows with a seed have the rates of its episodes.
     """
     rows: list[Row] = []
     for world, table in episodes.items():
@@ -52,6 +53,11 @@ def table_5_1(episodes: Mapping[str, pd.DataFrame], thesis: Thesis) -> pd.DataFr
             rates = part[~part["diverged"]].groupby("seed")["success"].mean().to_numpy(dtype=float)
             seeds = t_interval(rates)
             rows += [_of(str(learner), setting, name, told[name]) for name in ("success", "recovery")]
+            for seed, own in part.groupby("seed"):
+                alone = totals(own)
+                rows += [
+                    _of(str(learner), f"{setting};seed={seed}", name, alone[name]) for name in ("success", "recovery")
+                ]
             rows.append(
                 (str(learner), setting, "success_by_seed", *_limits(seeds.mean, seeds.low, seeds.high), seeds.n)
             )
@@ -59,11 +65,13 @@ def table_5_1(episodes: Mapping[str, pd.DataFrame], thesis: Thesis) -> pd.DataFr
         if len(chained):
             first = chained[chained["learner"] == chained["learner"].iloc[0]]
             rows.append(_of("nominal", setting, "success", totals(first)["nominal"]))
+            for seed, own in first.groupby("seed"):
+                rows.append(_of("nominal", f"{setting};seed={seed}", "success", totals(own)["nominal"]))
     return thesis.beside(_frame(rows), TABLE)
 
 
 def figure_5_5(runs: Mapping[str, Iterable[Learning]], thesis: Thesis, points: int = 51) -> pd.DataFrame:
-    """Success of evaluations during training against simulated control steps; mean and t limits over seeds."""
+    """Success of evaluations during training against control steps: mean and t limits over seeds, and each seed."""
     rows: list[Row] = []
     for world, learnt in runs.items():
         for learner, own in _by_learner(learnt).items():
@@ -72,21 +80,28 @@ def figure_5_5(runs: Mapping[str, Iterable[Learning]], thesis: Thesis, points: i
                 found = t_interval([_at(run.evaluations, steps) for run in own])
                 setting = f"world={world};control_steps={round(steps)}"
                 rows.append((learner, setting, "success", *_limits(found.mean, found.low, found.high), found.n))
+            for run in own:
+                for one in run.evaluations.to_dict("records"):
+                    setting = f"world={world};seed={run.seed};control_steps={round(one['control_steps'])}"
+                    rows.append((learner, setting, "success", one["success"], np.nan, np.nan, 1))
     return thesis.beside(_frame(rows), CURVES)
 
 
 def figure_5_8(runs: Mapping[str, Iterable[Learning]], thesis: Thesis) -> pd.DataFrame:
-    """How often each nominal option is tried in a round of decisions; mean and t limits over seeds."""
+    """How often each nominal option is tried in a round of decisions: mean and t limits over seeds, and seeds."""
     rows: list[Row] = []
     for world, learnt in runs.items():
         for learner, own in _by_learner(learnt).items():
             options = [name for name in own[0].rounds.columns if name.startswith("chosen:from ")]
             for number in range(min(len(run.rounds) for run in own)):
                 for option in options:
-                    found = t_interval([float(run.rounds[option].iloc[number]) for run in own])
+                    counts = {run.seed: float(run.rounds[option].iloc[number]) for run in own}
+                    found = t_interval(list(counts.values()))
                     metric = option.removeprefix("chosen:from ")
                     setting = f"world={world};round={number}"
                     rows.append((learner, setting, metric, *_limits(found.mean, found.low, found.high), found.n))
+                    for seed, count in counts.items():
+                        rows.append((learner, f"{setting};seed={seed}", metric, count, np.nan, np.nan, 1))
     return thesis.beside(_frame(rows), TRIED)
 
 
@@ -127,6 +142,11 @@ def _at(evaluations: pd.DataFrame, steps: float) -> float:
     """Success of the last evaluation so far."""
     known = evaluations[evaluations["control_steps"] <= steps]
     return float(known["success"].iloc[-1])
+
+
+def pooled(table: pd.DataFrame) -> pd.DataFrame:
+    """The rows over all seeds."""
+    return table[~table["setting"].str.contains(";seed=", regex=False)]
 
 
 def _by_learner(runs: Iterable[Learning]) -> dict[str, list[Learning]]:

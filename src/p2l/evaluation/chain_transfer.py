@@ -110,7 +110,7 @@ def induced(variant: Variant, agent: Agent, seed: int) -> dict[str, Any]:
 
 
 def table_5_2(world: str, found: pd.DataFrame, thesis: Thesis) -> pd.DataFrame:
-    """Recovery rate of every variant: pooled over seeds (Wilson limits), and the mean of the seeds' (t limits)."""
+    """Recovery rate of every variant: pooled over seeds (Wilson limits), the seeds' mean (t limits), and the seeds."""
     rows: list[Row] = []
     for (variant, learner), part in found.groupby(["variant", "learner"], sort=False):
         setting, counts = f"world={world};variant={variant}", part[["recovered", "failures"]].sum()
@@ -124,5 +124,11 @@ def table_5_2(world: str, found: pd.DataFrame, thesis: Thesis) -> pd.DataFrame:
         seeds = t_interval((some["recovered"] / some["failures"]).to_numpy(dtype=float))
         limits = float(seeds.mean), float(seeds.low), float(seeds.high)
         rows.append((str(learner), setting, "recovery_by_seed", *limits, seeds.n))
+        for one in some.to_dict("records"):
+            done, all_of = int(one["recovered"]), int(one["failures"])
+            ends = [float(end) for end in wilson_interval(done, all_of)]
+            rows.append(
+                (str(learner), f"{setting};seed={one['seed']}", "recovery", done / all_of, ends[0], ends[1], all_of)
+            )
     table = pd.DataFrame(rows, columns=list(COLUMNS[:-1]))
     return thesis.beside(table.astype({"mean": float, "low": float, "high": float, "n": int}), TABLE)

@@ -86,7 +86,8 @@ def test_every_world_is_judged_and_their_order_too(made):
     assert sheet.head == ["", "Nominal", "Nominal + RC", "Nominal + PP", "RL"]
     assert [row[0] for row in sheet.rows] == ["pick place", "– thesis", "shelf", "– thesis"]
     assert sheet.rows[3][1:] == ["46 %", "83.2 %", "56 %", "0 %"]
-    assert set(sheet.long["setting"]) == {"world=pick_place", "world=shelf"}
+    worlds = {"world=pick_place", "world=shelf"}
+    assert set(sheet.long["setting"]) == worlds | {f"{world};seed=0" for world in worlds}, "seeds are in the file alone"
     assert "chain_recoveries" in section.commands[1]
 
 

@@ -8,6 +8,7 @@ from collections.abc import Callable
 import pandas as pd
 
 from p2l.evaluation.chain_figures import learning_curves, options_tried
+from p2l.evaluation.chain_tables import pooled
 from p2l.evaluation.report import chain_readings as readings
 from p2l.evaluation.report.chain_views import CHAPTER, METHODS, commands, left_out, sheet, stacked
 from p2l.evaluation.report.page import Part, Picture, Section, Sheet
@@ -34,10 +35,11 @@ def table_5_1(sources: Sources) -> Section:
     title = "Table 5.1: overall success with learnt recoveries"
     if not sources.chain_worlds:
         return left_out(title)
-    table, claims = stacked(sources, "table_5_1"), sources.chapter(CHAPTER).claims
+    full, claims = stacked(sources, "table_5_1"), sources.chapter(CHAPTER).claims
+    table = pooled(full)
     cells = {(row["setting"], row["method"], row["metric"]): row for row in table.to_dict("records")}
     parts: list[Part] = [JUDGED_5_1, *readings.of_worlds(claims, cells), *readings.of_order(claims, cells)]
-    parts.append(_success("table_5_1", table, cells))
+    parts.append(_success("table_5_1", full, cells))
     numbers = {
         f"table_5_1/{setting.removeprefix('world=')}/{method}/{metric}": float(row["mean"])
         for (setting, method, metric), row in cells.items()
@@ -51,7 +53,8 @@ def figure_5_5(sources: Sources) -> Section:
     title = "Figure 5.5: learning curves"
     if not sources.chain_worlds:
         return left_out(title)
-    table, steps = stacked(sources, "figure_5_5"), stacked(sources, "steps_to_thesis")
+    full, steps = stacked(sources, "figure_5_5"), stacked(sources, "steps_to_thesis")
+    table = pooled(full)
     seeds = int(table["n"].max())
     caption = (
         "Share of evaluation episodes that succeed during training, from failures that training never starts from (RL: "
@@ -61,7 +64,7 @@ def figure_5_5(sources: Sources) -> Section:
         *readings.of_progress(sources.chapter(CHAPTER).claims, table),
         Picture("figure_5_5", png(learning_curves(table)), caption),
         sheet(
-            "figure_5_5", _ends(table), table, "Success at each learner's last evaluation; the curves are in the file."
+            "figure_5_5", _ends(table), full, "Success at each learner's last evaluation; the curves are in the file."
         ),
     ]
     if len(steps):
@@ -79,8 +82,9 @@ def figure_5_8(sources: Sources) -> Section:
     title = "Figure 5.8: which nominal options are tried"
     if not sources.chain_worlds:
         return left_out(title)
-    table, claim = stacked(sources, "figure_5_8"), sources.chapter(CHAPTER).claims["figure_5_8", "commits"]
-    table = table[table["method"] == MAIN]
+    full, claim = stacked(sources, "figure_5_8"), sources.chapter(CHAPTER).claims["figure_5_8", "commits"]
+    full = full[full["method"] == MAIN]
+    table = pooled(full)
     parts: list[Part] = []
     last = []
     for place, world in enumerate(sources.chain_worlds):
@@ -95,7 +99,7 @@ def figure_5_8(sources: Sources) -> Section:
         parts += [found, Picture("figure_5_8" if place == 0 else f"figure_5_8_{world}", picture, caption)]
     if last:
         shown = pd.concat(last, ignore_index=True)
-        parts.append(sheet("figure_5_8", shown, table, "Times chosen in a round, mean of the last tenth."))
+        parts.append(sheet("figure_5_8", shown, full, "Times chosen in a round, mean of the last tenth."))
     return Section(title, parts, commands(sources))
 
 
@@ -104,13 +108,14 @@ def table_5_2(sources: Sources) -> Section:
     title = "Table 5.2: policies where they were not learnt"
     if not sources.chain_worlds:
         return left_out(title)
-    table = stacked(sources, "table_5_2")
-    if not len(table):
+    full = stacked(sources, "table_5_2")
+    if not len(full):
         return Section(title, ["Left out: the preset induces no failures elsewhere (experiment.chain.transfer)."])
     claim = sources.chapter(CHAPTER).claims["table_5_2", "transfer"]
+    table = pooled(full)
     rows = table[table["metric"] == "recovery"]
     shown = "Recovery rate: 95 % Wilson intervals over all seeds' failures; by seed in the file."
-    parts: list[Part] = [JUDGED_5_2, readings.of_transfer(claim, rows), sheet("table_5_2", rows, table, shown)]
+    parts: list[Part] = [JUDGED_5_2, readings.of_transfer(claim, rows), sheet("table_5_2", rows, full, shown)]
     numbers = {
         f"table_5_2/{plain_setting(str(row['setting']))}/{row['method']}": float(row["mean"])
         for row in rows.to_dict("records")
@@ -126,7 +131,7 @@ def _success(name: str, table: pd.DataFrame, cells: readings.Cells) -> Sheet:
     """A row per world, a column per method; the thesis's numbers below ours."""
     methods = [method for method in METHODS if method in set(table["method"])]
     rows = []
-    for setting in dict.fromkeys(table["setting"]):
+    for setting in dict.fromkeys(pooled(table)["setting"]):
         ours, thesis = [spoken(setting)], ["– thesis"]
         for method in methods:
             row = cells.get((setting, method, "success"))
@@ -134,7 +139,7 @@ def _success(name: str, table: pd.DataFrame, cells: readings.Cells) -> Sheet:
             known = math.nan if row is None else float(row["thesis"])
             thesis.append("–" if math.isnan(known) else f"{100.0 * known:.3g} %")
         rows += [ours, thesis]
-    episodes = table[table["metric"] == "success"]["n"].max()
+    episodes = pooled(table).query("metric == 'success'")["n"].max()
     caption = (
         f"Overall success with 95 % intervals, up to {episodes} episodes each; recoveries and seeds are in the file."
     )
