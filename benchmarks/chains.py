@@ -3,11 +3,12 @@
   python -m benchmarks.chains                                     RecoveryChaining on pick-place and on the shelf
   python -m benchmarks.chains --worlds shelf --learners rc pp --json out.json
 
-Each learner trains for `--budget` control steps from failures of fresh nominal executions: policy, options, detectors,
-rewards and PPO's updates included; evaluations and checkpoints are not. `engine_s` replays the very commands of that
-training with plain engine calls, so `engine_share` = engine_s / train_s is the part of the engine's throughput that
-training uses. `update_share` is the part of train_s that PPO's updates take, `rows` the episodes that an engine call
-moves on average, and `half_million_min` the time of a run of 500,000 control steps at this rate.
+Each learner trains for `--budget` control steps with the settings of `conf/`, from failures of fresh nominal executions
+(`rl` from the task's start): policy, options, detectors, rewards and PPO's updates included; evaluations and
+checkpoints are not. `engine_s` replays the very commands of that training with plain engine calls, so `engine_share` =
+engine_s / train_s is the part of the engine's throughput that training uses. `update_share` is the part of train_s that
+PPO's updates take, `rows` how many episodes an engine call moves on average, and `half_million_min` how long 500,000
+control steps take at this rate.
 
 The machine is shared: figures are medians over `--rounds`, and only ratios of one run mean much.
 """
@@ -15,10 +16,12 @@ The machine is shared: figures are medians over `--rounds`, and only ratios of o
 from __future__ import annotations
 
 import time
+from pathlib import Path
 from statistics import median
 
 import numpy as np
 import torch
+from omegaconf import DictConfig, OmegaConf
 
 from benchmarks import report
 from benchmarks.simulation import Recorder
@@ -32,7 +35,7 @@ from p2l.recoveries.chaining.train import card_of
 from p2l.skills import chain
 from p2l.worlds.world import NO_FAILURE
 
-SLOTS = 64
+CONF = Path(__file__).resolve().parents[1] / "conf"
 STARTS = 400  # nominal executions, to find failures
 
 
@@ -46,6 +49,12 @@ class Timed(PoolPPO):
         began = time.perf_counter()
         super().train()
         self.update_s += time.perf_counter() - began
+
+
+def settings(world: str) -> DictConfig:
+    """Those of `conf/` for a world."""
+    made, own = OmegaConf.load(CONF / "chain_recoveries.yaml"), CONF / "chaining" / f"{world}.yaml"
+    return OmegaConf.merge(made, OmegaConf.load(own)) if own.is_file() else made  # type: ignore[return-value]
 
 
 def opened(name: str, threads: int) -> Task:
@@ -65,10 +74,11 @@ def opened(name: str, threads: int) -> Task:
 
 def trained(task: Task, name: str, budget: int) -> tuple[Timed, float]:
     """A training always by the same seed, and its wall time; what comes before it is outside the time."""
-    learner = make_learner(name, task, Limits())
-    pool = learner.pool(task, np.random.default_rng(0), SLOTS)
-    seen = card_of(task, learner, name, "").normalisation
-    model = Timed(pool, PPOSettings(), seen, 0, learner.shortcut)
+    given = settings(task.world.name)
+    learner = make_learner(name, task, Limits(**given.limits))
+    pool = learner.pool(task, np.random.default_rng(0), given.slots, given.revisit)
+    seen = card_of(task, learner, name, "", given.narrowest).normalisation
+    model = Timed(pool, PPOSettings(**given.ppo), seen, 0, learner.shortcut)
     began = time.perf_counter()
     model.learn(budget, log_interval=10**9)
     return model, time.perf_counter() - began

@@ -3,23 +3,27 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 from numpy.testing import assert_array_equal
 
+from p2l.recoveries.chaining.learner import Task
 from p2l.recoveries.chaining.learners import make_learner
 from p2l.recoveries.chaining.mdp import Limits
 from p2l.recoveries.chaining.pool import Pool
 from p2l.recoveries.chaining.revisit import CAPACITY, Moments, Revisits
-from p2l.skills.primitives import PRIMITIVES
+from p2l.skills.primitives import PRIMITIVES, STEPS
 
 ALIGN = len(PRIMITIVES)
-BOTH = np.array([0, 1])
+BOTH, FIRST, SECOND = np.array([0, 1]), np.array([0]), np.array([1])
+YES, NO = np.array([True]), np.array([False])
 
 
-def test_an_episode_that_goes_back_goes_on_as_the_success_did(world, nominal, failures):
-    """Same state, same history, same bounds; what follows is the same to the bit."""
-    limits = Limits(decisions=4, history=2)
+@pytest.fixture
+def made(world, nominal, failures):
+    """One slot; a success is gone back to as often as may be."""
+    limits = Limits(decisions=9, primitive_steps=3 * STEPS, history=2)
     given = iter(range(10_000))
-    made = Pool(
+    return Pool(
         world,
         nominal,
         PRIMITIVES,
@@ -28,24 +32,43 @@ def test_an_episode_that_goes_back_goes_on_as_the_success_did(world, nominal, fa
         limits,
         revisits=Revisits(1.0, 1, limits.decisions, np.random.default_rng(0)),
     )
-    slot, paid = np.array([0]), False
-    while not paid:
+
+
+def succeed(made):
+    """States before a primitive and an option that together are paid, and what came of the option."""
+    while True:
         seen = []
         for action in (4, ALIGN):
             seen.append(made.observation[0].copy())
-            made.act(slot, np.array([action]))
+            made.act(FIRST, np.array([action]))
             last = made.poll()
             if last.over[0]:
                 break
-        assert last.fresh[0]
-        paid = last.reward[0] > 0.0
+        if last.reward[0] > 0.0:
+            return seen, last
+
+
+def fail(made):
+    """To and fro until the episode is over."""
+    over, action = False, 4
+    while not over:
+        made.act(FIRST, np.array([action]))
+        over, action = made.poll().over[0], 9 - action
+
+
+def test_an_episode_that_goes_back_goes_on_as_the_success_did(made):
+    """Same state, same history; what follows is the same to the bit."""
+    seen, last = succeed(made)
+    assert last.fresh[0]
     again = set()
     for _ in range(12):
-        state = made.observation[0].copy()
+        while made._revisits.fresh[0]:
+            fail(made)
+        state = made.observation[0]
         depth = next(k for k, one in enumerate(seen) if np.array_equal(one, state))
         again.add(depth)
         for action in (4, ALIGN)[depth:]:
-            made.act(slot, np.array([action]))
+            made.act(FIRST, np.array([action]))
             told = made.poll()
         assert told.over[0]
         assert not told.fresh[0]
@@ -53,54 +76,128 @@ def test_an_episode_that_goes_back_goes_on_as_the_success_did(world, nominal, fa
         assert_array_equal(told.steps, last.steps)
         assert told.reward[0] == 1.0
     assert again == {0, 1}
-    while not np.array_equal(made.observation[0], seen[1]):  # one of the four decisions is spent there
-        made.act(slot, np.array([ALIGN]))
-        made.poll()
-    for decision in (2, 3, 4):
-        made.act(slot, np.array([4 if decision % 2 else 5]))
+
+
+def test_what_was_spent_before_counts_for_the_bounds(made):
+    seen, _ = succeed(made)
+    while not np.array_equal(made.observation[0], seen[1]):
+        fail(made)
+    for primitive in (2, 3):  # one of three has been spent on the way there
+        made.act(FIRST, np.array([4 if primitive % 2 else 5]))
         told = made.poll()
-        assert told.over[0] == (decision == 4)
+        assert told.over[0] == (primitive == 3)
 
 
-def moments(world, decisions):
-    count = len(decisions)
-    none = np.zeros(count, dtype=np.int64)
-    state = np.asarray(decisions, dtype=float)[:, None]
-    rows = world.sample(np.random.default_rng(0), count)
-    return Moments(rows, state, np.asarray(decisions), none, none.astype(bool))
+def test_an_unsimulated_pay_is_believed_but_not_kept(made):
+    told = made.settle(FIRST, np.ones(1))
+    assert told.fresh[0]
+    for _ in range(5):
+        assert made.settle(FIRST, np.zeros(1)).fresh[0], "there is nothing to go back to"
+
+
+def test_a_reset_starts_at_failures(made):
+    succeed(made)
+    while made._revisits.fresh[0]:
+        fail(made)
+    made.reset()
+    made.act(FIRST, np.array([ALIGN]))
+    assert made.poll().fresh[0]
+
+
+def moments(world, decisions, tag=0.0):
+    """At decision numbers [K]; their state says which they are."""
+    decisions = np.asarray(decisions)
+    none = np.zeros(len(decisions), dtype=np.int64)
+    rows = world.sample(np.random.default_rng(0), 1).take(none)
+    return Moments(rows, decisions[:, None] + tag, decisions, none, none.astype(bool))
+
+
+def paid_once(world, made, tag):
+    made.forget(FIRST)
+    made.passing(FIRST, moments(world, [0], tag))
+    made.ended(FIRST, YES)
 
 
 def test_only_whole_ways_that_were_paid_are_kept(world):
     made = Revisits(1.0, 2, 3, np.random.default_rng(0))
     for decision in range(3):
-        made.passing(BOTH, moments(world, [decision, decision]))
+        made.passing(BOTH, moments(world, [decision, decision], 0.25))
     made.ended(BOTH, np.array([False, False]))
     assert made.begin(BOTH)[1] is None
-    made.passing(BOTH, moments(world, [0, 0]))
-    made.passing(BOTH[:1], moments(world, [1]))
+    made.passing(FIRST, moments(world, [0], 0.5))
+    made.passing(SECOND, moments(world, [0], 0.75))
+    made.passing(FIRST, moments(world, [1], 0.5))
     made.ended(BOTH, np.array([True, False]))
     found = set()
-    for _ in range(20):
-        back, kept = made.begin(BOTH)
-        assert_array_equal(made.fresh[back], False)
-        found |= set(kept.decisions.tolist())
-        made.ended(BOTH, np.array([False, False]))
-    assert found == {0, 1}, "the third decision belonged to an earlier episode"
+    for _ in range(40):
+        back, kept = made.begin(FIRST)
+        if len(back):
+            found.add(float(kept.state[0, 0]))
+            made.passing(back, moments(world, [2], 0.125))
+            made.ended(back, kept.decisions == 1)  # well, but not from the failure on
+    assert found == {0.5, 1.5}
 
 
-def test_moments_that_always_pay_make_room_and_what_is_learnt_makes_going_back_rare(world):
-    made = Revisits(1.0, 2, 3, np.random.default_rng(0))
-    made.passing(BOTH, moments(world, [0, 0]))
+def test_moments_that_pay_most_often_make_room(world):
+    made = Revisits(1.0, 1, 1, np.random.default_rng(0))
+    for tag in range(CAPACITY):
+        paid_once(world, made, float(tag))
+    often = 7
+    made._success[[often, 8]] = 0.9, 0.1
+    before = made._success.copy()
+    paid_once(world, made, 1000.0)
+    assert_array_equal(np.flatnonzero(made._success != before), [often])
+    assert made._kept.state[often, 0] == 1000.0
+
+
+def test_moments_that_sometimes_pay_are_preferred(world):
+    made = Revisits(1.0, 1, 1, np.random.default_rng(0))
+    for tag in range(3):
+        paid_once(world, made, float(tag))
+    made._recent[:] = 0.0
+    counts = np.zeros(3)
+    for turn in range(600):
+        back, kept = made.begin(FIRST)
+        if len(back):
+            tag = int(kept.state[0, 0])
+            counts[tag] += 1
+            made.ended(FIRST, np.array([(False, turn % 2 == 0, True)[tag]]))
+    assert counts[1] > 3 * max(counts[0], counts[2])
+
+
+def test_the_moment_of_an_episode_under_way_may_be_overwritten(world):
+    made = Revisits(1.0, 2, 1, np.random.default_rng(0))
+    for tag in range(CAPACITY):
+        paid_once(world, made, float(tag))
+    made._recent[:] = 0.0
+    back, kept = made.begin(SECOND)
+    place = int(kept.state[0, 0])
+    made._success[place] = 0.99
+    paid_once(world, made, 1000.0)
+    assert made._kept.state[place, 0] == 1000.0
+    assert not made.fresh[back].any()
+    made.ended(SECOND, NO)
+    assert made._success[place] == 0.5, "what came of the old moment says nothing about the new one"
+
+
+def test_every_episode_from_a_moment_counts(world):
+    made = Revisits(1.0, 2, 1, np.random.default_rng(0))
+    paid_once(world, made, 0.0)
+    made._recent[:] = 0.0
+    while len(made.begin(BOTH)[0]) < 2:
+        pass
     made.ended(BOTH, np.array([True, False]))
-    counts = []
-    for _ in range(200):
-        counts.append(len(made.begin(BOTH)[0]))
-        made.ended(BOTH, np.array([True, True]))
-    assert sum(counts[:20]) > 2 * sum(counts[-20:])
-    assert np.isfinite(made._success).sum() <= CAPACITY
+    assert made._success[0] == pytest.approx((0.5 + 0.3 * 0.5) * 0.7)
 
 
-def test_a_whole_task_is_never_gone_on_with(task):
+def test_what_is_learnt_makes_going_back_rare(world):
+    made = Revisits(1.0, 1, 1, np.random.default_rng(0))
+    for tag in range(200):
+        paid_once(world, made, float(tag))
+    assert len(made.begin(FIRST)[0]) == 0
+
+
+def test_a_whole_task_is_never_gone_on_with(task: Task):
     learner, rng = make_learner("rc", task, Limits()), np.random.default_rng(0)
     assert learner.pool(task, rng, 2, 0.5)._revisits is not None
     assert replace(learner, whole_task=True).pool(task, rng, 2, 0.5)._revisits is None

@@ -4,9 +4,11 @@ One classifier per nominal option is refitted from the outcomes seen so far. Whe
 exceeds `precision` at a threshold, an option that scores above the threshold ends the episode with reward 1. The
 outcome of an option does not depend on the policy, so every outcome stays valid for the whole run.
 
-1. A share of the certain options is simulated all the same (`audit`): the policy goes where it is paid, and a forest
+1. An outcome that has been seen already, of the same option from the same observation, is not counted again: episodes
+   start at the same failures time and again, and copies on both sides of the split would make any forest look right.
+2. A share of the certain options is simulated all the same (`audit`): the policy goes where it is paid, and a forest
    that is wrong there would otherwise never hear of it.
-2. The classifier is a forest of randomised trees: no scale to tune, and probabilities that are shares of votes.
+3. The classifier is a forest of randomised trees: no scale to tune, and probabilities that are shares of votes.
 
 Axis letters: K decisions, O observation columns.
 """
@@ -66,6 +68,7 @@ class Lazy:
         self._seed = seed
         self._rng = generator(seed, "lazy_rc", "audit")
         self._seen: list[list[Array]] = [[] for _ in range(options)]
+        self._known: list[set[bytes]] = [set() for _ in range(options)]  # of them, as bytes
         self._paid: list[list[bool]] = [[] for _ in range(options)]
         self._fitted = [0] * options
         self._forests: list[tuple[ExtraTreesClassifier, float] | None] = [None] * options
@@ -91,12 +94,16 @@ class Lazy:
         """Learn from options that have come out."""
         for slot, done in zip(told.slot.tolist(), told.done.tolist(), strict=True):
             if (known := self._pending.pop(slot, None)) is not None:
-                option, seen = known
-                self._seen[option].append(seen)
-                self._paid[option].append(done)
+                self._note(*known, done)
         for option, paid in enumerate(self._paid):
             if len(paid) - self._fitted[option] >= self.settings.refit_after:
                 self._refit(option)
+
+    def _note(self, option: int, seen: Array, done: bool) -> None:
+        if (key := seen.tobytes()) not in self._known[option]:
+            self._known[option].add(key)
+            self._seen[option].append(seen)
+            self._paid[option].append(done)
 
     def _refit(self, option: int) -> None:
         settings, paid = self.settings, np.array(self._paid[option])
@@ -120,8 +127,8 @@ class Lazy:
         """From what `state` gave."""
         for option in range(len(self._seen)):
             if f"seen.{option}" in state:
-                self._seen[option] = list(state[f"seen.{option}"])
-                self._paid[option] = (state[f"paid.{option}"] > 0.5).tolist()
+                for seen, paid in zip(state[f"seen.{option}"], state[f"paid.{option}"], strict=True):
+                    self._note(option, seen, bool(paid > 0.5))
                 self._refit(option)
 
 

@@ -24,8 +24,8 @@ from p2l.worlds.world import Rows, World
 def no_failures(world: str) -> ConfigError:
     """There is nothing to learn from."""
     return ConfigError(
-        f"no failures of world '{world}' to recover from; find some with `python -m stages.discover world={world}`, "
-        "with more executions or more noise"
+        f"no failures of world '{world}' to recover from; find some with `python -m stages.discover world={world} "
+        f"hydra.run.dir=data/discover/{world}`, with more executions or more noise"
     )
 
 

@@ -47,10 +47,10 @@ class Transitions:
         slot: [K] where.
         observation: [K, O] the state after the decision (of the ended episode where `over`).
         reward: [K] 1 where the task is done, or what the learner's judge says.
-        done: [K] the task is done.
+        done: [K] the judge says that this is what the episode was for: the task is done, or a precondition is met.
         over: [K] the episode has ended.
         fresh: [K] the ended episode started at a recorded failure, not at a moment of an earlier success.
-        cut: [K] it ended by a bound on its length, not by success, failure or an option: not a terminal state.
+        cut: [K] it ended by a bound on its length, not by success, failure or an option.
         steps: [K] control steps the decision took.
         next_observation: [K, O] what the slot's next decision is made on: `observation`, or a new episode's start.
     """

@@ -1,6 +1,6 @@
 """The RecoveryChaining MDP over the batched engine, without a row ever waiting for another (thesis, section 5.3.2).
 
-A pool has slots; each holds one episode that starts at a recorded failure. `act` gives decisions to slots that wait
+A pool has slots; each holds one episode, from a recorded failure on. `act` gives decisions to slots that wait
 for one, `poll` carries all busy slots through control steps until at least one decision has played out. A primitive
 lasts a few control steps; a nominal option (π_i … π_k) lasts many, ends the episode, and is paid with task success.
 
@@ -96,6 +96,8 @@ class Pool:
         """A new episode in every slot, whatever is under way."""
         every = np.arange(len(self))
         self.waiting[every] = True
+        if self._revisits is not None:
+            self._revisits.forget(every)
         self._renew(every)
         self._begun = self._runner.rows.take(every)
 
@@ -123,7 +125,7 @@ class Pool:
         self._refuse_busy(slots)
         observation = self.observation[slots].copy()
         self._pass(slots)
-        fresh = self._leave(slots, reward > 0.0)
+        fresh = self._leave(slots, reward > 0.0, simulated=False)
         yes, no = np.ones(len(slots), dtype=np.bool_), np.zeros(len(slots), dtype=np.bool_)
         steps = np.zeros(len(slots), dtype=np.int64)
         return Transitions(
@@ -183,7 +185,7 @@ class Pool:
             fresh[over] = self._leave(slot[over], reward[over] > 0.0)
         self.waiting[slot] = True
         cut, following = over & ~ended, self.observation[slot].copy()
-        return Transitions(slot, observation, reward, done, over, fresh, cut, steps, following)
+        return Transitions(slot, observation, reward, ends, over, fresh, cut, steps, following)
 
     def _renew(self, slots: IntArray) -> None:
         """New episodes from recorded failures."""
@@ -200,13 +202,13 @@ class Pool:
         for past in self._history:  # before the failure there is nothing to remember: the start repeats
             past[slots] = seen.values
 
-    def _leave(self, slots: IntArray, paid: BoolArray) -> BoolArray:
+    def _leave(self, slots: IntArray, paid: BoolArray, *, simulated: bool = True) -> BoolArray:
         """Episodes have ended; others begin. Returns which of the ended ones [K] had started at a recorded failure."""
         if self._revisits is None:
             self._renew(slots)
             return np.ones(len(slots), dtype=np.bool_)
         fresh = self._revisits.fresh[slots]
-        self._revisits.ended(slots, paid)
+        self._revisits.ended(slots, paid, simulated=simulated)
         self._renew(slots)
         back, moments = self._revisits.begin(slots)
         if moments is not None and len(back):

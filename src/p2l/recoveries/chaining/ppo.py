@@ -67,9 +67,9 @@ class Round:
     """What happened during one rollout.
 
     Attributes:
-        chosen: [A] how often each action was chosen among the decisions of the rollout.
+        chosen: [A] how often each action was chosen among the decisions of the rollout, whatever their episode.
         ended: episodes from recorded failures that ended.
-        done: of them, with the task done.
+        done: of them, those that the learner's judge calls done.
         revisited: episodes that went on from an earlier success, and ended.
         settled: episodes that ended unsimulated.
         reward: sum over decisions.

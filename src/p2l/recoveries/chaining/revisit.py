@@ -5,11 +5,12 @@ a success, and PPO has little to go by. The simulator restores any moment, as it
 episodes start in the middle of an earlier success, where little is left to do: its last decision is learnt first, then
 the one before, back to the failure (as Florensa et al., 2017, and Salimans and Chen, 2018, learn backwards). Moments
 that sometimes lead to pay are preferred to those that always or never do. The share of such episodes falls with the
-recent success from recorded failures, so that what is learnt makes them rare.
+recent success from recorded failures, so that what is learnt makes them rare. A new way takes the place of moments
+that lead to pay most often; those that never do stay, since what is learnt later may reach the goal from there.
 
 1. The thesis starts every episode at a recorded failure. Here, too, only those count in a round's success, and
    evaluations start nowhere else. All simulated control steps count.
-2. A resumed run gathers moments anew.
+2. A resumed run gathers moments, and its recent success, anew.
 
 Axis letters: B slots, K decisions or episodes, O observation columns.
 """
@@ -26,7 +27,8 @@ from p2l.worlds.world import Rows
 CAPACITY = 256  # moments
 RECENT = 100  # episodes from recorded failures that the recent success is taken over
 FOLLOW = 0.3  # how fast a moment's success follows what came of it
-SELDOM = 0.01  # weight of a moment that always or never leads to pay; 0.25 is the most
+SELDOM = 0.01  # weight of a moment that always or never leads to pay, beside p (1 − p) of its success
+_FRESH, _GONE = -1, -2  # an episode that started at a recorded failure, or at a moment that has been overwritten
 
 
 @dataclass(frozen=True)
@@ -68,7 +70,7 @@ class Revisits:
     """What episodes under way went through, and the moments kept of those that were paid.
 
     Args:
-        share: of new episodes that go on from an earlier success while none is paid, in [0, 1].
+        share: of new episodes that go on from an earlier success while the recent success is 0, in [0, 1].
         slots: B.
         decisions: most decisions of an episode.
         rng: which episodes, and from where.
@@ -78,7 +80,7 @@ class Revisits:
         self._share, self._decisions, self._rng = share, decisions, rng
         self._first = np.zeros(slots, dtype=np.int64)  # decision that the episode started with
         self._last = np.zeros(slots, dtype=np.int64)  # its latest one
-        self._origin = np.full(slots, -1)  # the moment it started at, or −1: a recorded failure
+        self._origin = np.full(slots, _FRESH)  # place of the moment it started at
         self._recent = np.zeros(RECENT)
         self._ended = 0
         self._way: Moments | None = None  # [B · decisions]
@@ -88,20 +90,25 @@ class Revisits:
     @property
     def fresh(self) -> BoolArray:
         """[B] episodes that started at a recorded failure."""
-        return np.asarray(self._origin < 0)
+        return np.asarray(self._origin == _FRESH)
 
     def begin(self, slots: IntArray) -> tuple[IntArray, Moments | None]:
         """New episodes in `slots` [K]: those of them that go back, and the moments they go back to."""
-        self._first[slots], self._origin[slots] = 0, -1
+        self.forget(slots)
         known = np.flatnonzero(np.isfinite(self._success))
         if self._kept is None or not len(known):
             return slots[:0], None
-        back = slots[self._rng.random(len(slots)) < self._share * (1.0 - self._recent.mean())]
+        recent = self._recent[: max(1, min(self._ended, RECENT))].mean()
+        back = slots[self._rng.random(len(slots)) < self._share * (1.0 - recent)]
         weight = self._success[known] * (1.0 - self._success[known]) + SELDOM
         self._origin[back] = self._rng.choice(known, size=len(back), p=weight / weight.sum())
         moments = self._kept.take(self._origin[back])
         self._first[back] = moments.decisions
         return back, moments
+
+    def forget(self, slots: IntArray) -> None:
+        """The episodes of `slots` [K] start at recorded failures."""
+        self._first[slots], self._origin[slots] = 0, _FRESH
 
     def passing(self, slots: IntArray, moments: Moments) -> None:
         """The moments [K] before a decision in `slots` [K]."""
@@ -111,13 +118,16 @@ class Revisits:
         self._last[slots] = moments.decisions
         self._way.put(slots * self._decisions + moments.decisions, moments)
 
-    def ended(self, slots: IntArray, paid: BoolArray) -> None:
-        """The episodes of `slots` [K] have ended; `paid` [K]: well."""
-        fresh = self._origin[slots] < 0
+    def ended(self, slots: IntArray, paid: BoolArray, *, simulated: bool = True) -> None:
+        """The episodes of `slots` [K] have ended; `paid` [K]: well. An unsimulated pay is believed, but not kept."""
+        fresh = self.fresh[slots]
         self._recent[(self._ended + np.arange(int(fresh.sum()))) % RECENT] = paid[fresh]
         self._ended += int(fresh.sum())
-        origin, well = self._origin[slots[~fresh]], paid[~fresh]
-        self._success[origin] += FOLLOW * (well - self._success[origin])
+        if not simulated:
+            return
+        for place, well in zip(self._origin[slots].tolist(), paid.tolist(), strict=True):
+            if place >= 0:
+                self._success[place] += FOLLOW * (well - self._success[place])
         self._keep(slots[paid & (self._first[slots] == 0)])
 
     def _keep(self, slots: IntArray) -> None:
@@ -129,3 +139,4 @@ class Revisits:
         worn = np.argsort(-self._success, kind="stable")[: len(places)]
         self._kept.put(worn, self._way.take(places))
         self._success[worn] = 0.5
+        self._origin[np.isin(self._origin, worn)] = _GONE

@@ -95,7 +95,7 @@ def apart_of(task: Task, learner: Learner, parts: Split, episodes: int) -> Rows:
 
 def summary(progress: Progress) -> dict[str, Any]:
     """A finished run in plain numbers; learning alone has the speed `control_steps_per_s`."""
-    last, spent = progress.rounds[-1], sum(row["evaluation_seconds"] for row in progress.evaluations)
+    spent = sum(row["evaluation_seconds"] for row in progress.evaluations)
     steps = progress.control_steps
     return {
         "control_steps": steps,
@@ -103,7 +103,7 @@ def summary(progress: Progress) -> dict[str, Any]:
         "seconds": progress.seconds,
         "control_steps_per_s": steps / max(progress.seconds - spent, 1e-9),
         "decisions": int(sum(value for row in progress.rounds for name, value in row.items() if "chosen:" in name)),
-        "timeouts": last["timeouts"],
+        "timeouts": sum(row["timeouts"] for row in progress.rounds),
         "settled": sum(row["settled"] for row in progress.rounds),
         "best_evaluation": progress.best,
         "last_evaluation": progress.evaluations[-1]["success"],
@@ -178,6 +178,7 @@ class _Watcher(BaseCallback):
         self._settings, self._card, self._folder = settings, card, folder
         self._report, self._progress = report, progress
         self._since = time.perf_counter() - progress.seconds
+        self._timeouts = 0  # of the pool, before the round
 
     def _on_training_start(self) -> None:
         if not self._progress.evaluations:
@@ -199,9 +200,10 @@ class _Watcher(BaseCallback):
             "done": one.done,
             "revisited": one.revisited,
             "settled": one.settled,
-            "timeouts": self.model.pool.timeouts,
+            "timeouts": self.model.pool.timeouts - self._timeouts,
         }
         row |= {"reward": one.reward, "seconds": self._seconds(), **chosen}
+        self._timeouts = self.model.pool.timeouts
         progress.rounds.append(row)
         self._report("round", row)
         last = progress.evaluations[-1]["control_steps"]
