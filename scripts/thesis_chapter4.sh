@@ -26,4 +26,5 @@ for item in door door_early; do
     cp "$clone/data/$stage/$item/summary.json" "$results/metrics/$stage-$item-summary.json"
   done
 done
+{ echo "# made at commit $(git -C "$clone" rev-parse HEAD)"; cat "$clone/dvc.lock"; } > "$results/dvc-chapter4.lock"
 echo "tables and figures of chapter 4 are in $results"

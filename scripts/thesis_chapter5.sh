@@ -39,4 +39,5 @@ for world in "${worlds[@]}"; do
     cp "$clone/data/$stage/$world/summary.json" "$results/metrics/$stage-$world-summary.json"
   done
 done
+{ echo "# made at commit $(git -C "$clone" rev-parse HEAD)"; cat "$clone/dvc.lock"; } > "$results/dvc-chapter5.lock"
 echo "tables and figures of chapter 5 are in $results, policies with their cards in $results/records/policies"
