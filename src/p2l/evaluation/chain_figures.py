@@ -9,7 +9,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from p2l.evaluation.chain_tables import pooled
+from p2l.evaluation.sheets import pooled
 from p2l.evaluation.style import MethodStyle, label_ends, plain
 from p2l.records import Array
 

@@ -21,7 +21,7 @@ from p2l.evaluation.chain_strategies import TABLE as STRATEGIES
 from p2l.evaluation.chain_strategies import strategies_5
 from p2l.evaluation.chain_transfer import TABLE as TRANSFERS
 from p2l.evaluation.chain_transfer import table_5_2
-from p2l.evaluation.sheets import load_sheet, save_sheets
+from p2l.evaluation.sheets import load_sheet, pooled, save_sheets
 from p2l.evaluation.thesis import load_thesis
 
 CHAPTER = 5
@@ -97,7 +97,7 @@ def chain_report(out: Path, found: Evaluated, thesis: Path) -> tuple[dict[str, f
     facts = {str(learner): totals(part) for learner, part in found.episodes.groupby("learner", sort=False)}
     save_json(out / "summary.json", {"learners": facts}, schema="chain_evaluation", version=1)
     numbers = {f"{learner}/{name}": one["mean"] for learner, part in facts.items() for name, one in part.items()}
-    for row in tables.pooled(made[TRANSFERS]).to_dict("records"):
+    for row in pooled(made[TRANSFERS]).to_dict("records"):
         if row["metric"] == "recovery":
             numbers[f"{row['method']}/{str(row['setting']).rpartition('=')[2]}/recovery"] = row["mean"]
     files = [*(out / f"{name}.csv" for name in made), *(out / f"{name}.png" for name in figures)]

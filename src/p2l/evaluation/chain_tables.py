@@ -144,11 +144,6 @@ def _at(evaluations: pd.DataFrame, steps: float) -> float:
     return float(known["success"].iloc[-1])
 
 
-def pooled(table: pd.DataFrame) -> pd.DataFrame:
-    """The rows over all seeds."""
-    return table[~table["setting"].str.contains(";seed=", regex=False)]
-
-
 def _by_learner(runs: Iterable[Learning]) -> dict[str, list[Learning]]:
     found: dict[str, list[Learning]] = {}
     for run in sorted(runs, key=lambda one: one.seed):

@@ -36,3 +36,8 @@ def load_sheet(path: Path, columns: Sequence[str], advice: str) -> pd.DataFrame:
     if missing := [name for name in columns if name not in table]:
         raise ArtifactError(f"{path}: lacks columns {', '.join(missing)}; {advice}")
     return table
+
+
+def pooled(table: pd.DataFrame) -> pd.DataFrame:
+    """The rows over all seeds, of a table in which others end in `;seed=…` or go on from there."""
+    return table[~table["setting"].str.contains(";seed=", regex=False)]

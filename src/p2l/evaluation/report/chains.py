@@ -8,12 +8,12 @@ from collections.abc import Callable
 import pandas as pd
 
 from p2l.evaluation.chain_figures import learning_curves, options_tried
-from p2l.evaluation.chain_tables import pooled
 from p2l.evaluation.report import chain_readings as readings
 from p2l.evaluation.report.chain_views import CHAPTER, METHODS, commands, left_out, sheet, stacked
 from p2l.evaluation.report.page import Part, Picture, Section, Sheet
 from p2l.evaluation.report.sources import Sources
 from p2l.evaluation.report.views import plain_setting, spoken
+from p2l.evaluation.sheets import pooled
 from p2l.evaluation.style import png
 
 MAIN = "rc"
