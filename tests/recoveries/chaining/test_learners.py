@@ -10,9 +10,10 @@ from p2l.recoveries.chaining.lazy_rc import Lazy, LazySettings, certain_from
 from p2l.recoveries.chaining.learners import make_learner
 from p2l.recoveries.chaining.mdp import Limits, Transitions
 from p2l.recoveries.chaining.ppo import PoolPPO, PPOSettings
-from p2l.recoveries.chaining.preconditions import Preconditions, visit
+from p2l.recoveries.chaining.preconditions import Preconditions, Visited, fit, visit
 from p2l.recoveries.chaining.train import card_of
 from p2l.skills.primitives import GRIPS, PRIMITIVES
+from p2l.worlds.observation import Observation
 
 
 def test_the_threshold_is_the_lowest_with_enough_precision_by_hand():
@@ -109,6 +110,17 @@ def test_pretrained_preconditions_pay_where_one_holds_and_name_the_best_controll
     assert not known.met(far).any(), "far from all data nothing is believed to hold"
     pool = learner.pool(task, np.random.default_rng(0), 4)
     assert pool.actions == tuple(option.name for option in PRIMITIVES)
+
+
+def test_the_number_of_actions_so_far_says_nothing_about_a_precondition(world, nominal):
+    """In nominal runs it tells the controllers apart; a recovery has taken more."""
+    visited = visit(world, nominal, world.sample(np.random.default_rng(5), 60), every=2)
+    fields = {"actions": visited.option[:, None], "block_y_m": visited.seen["block_y_m"]}
+    counted = Visited(Observation.of(fields), visited.option, visited.success)
+    known = fit(counted, nominal, ("actions", "block_y_m"), 0.5, np.random.default_rng(0))
+    state = np.stack([np.zeros(20), np.linspace(-0.1, 0.1, 20)], axis=1)
+    assert_array_equal(known.score(state), known.score(state + [7.0, 0.0]))
+    assert np.ptp(known.score(state)) > 0.1
 
 
 def test_states_of_nominal_runs_are_labelled_by_how_the_run_ended(world, nominal):

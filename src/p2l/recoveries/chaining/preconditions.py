@@ -3,6 +3,9 @@
 For the baseline that learns to reach them (thesis, section 5.3.3): each control step of a nominal run is a state in
 which the controller that is running may be started, labelled by whether the task was done in the end.
 
+1. The number of actions so far is left out: in nominal runs it is the number of the controller, so that a recovery,
+   which has taken more actions, would never be where any controller starts.
+
 Axis letters: K rows, O observation columns, F features, I nominal controllers.
 """
 
@@ -23,6 +26,8 @@ from p2l.skills.option import Option
 from p2l.worlds.observation import Observation
 from p2l.worlds.world import Rows, World
 
+COUNTER = "actions"
+
 
 @dataclass(frozen=True)
 class Preconditions:
@@ -30,16 +35,17 @@ class Preconditions:
 
     Attributes:
         classifiers: I of them, over the same features.
+        columns: [F] which columns of an observation those are.
         threshold: probability from which a precondition counts as met.
     """
 
     classifiers: tuple[PreconditionClassifier, ...]
+    columns: IntArray
     threshold: float
 
     def score(self, observation: Array) -> Array:
-        """[K, I] probabilities; the features are the first columns of [K, O], the present observation."""
-        width = len(self.classifiers[0].feature_names)
-        return np.stack([one.probability(observation[:, :width]) for one in self.classifiers], axis=1)
+        """[K, I] probabilities from [K, O] observations."""
+        return np.stack([one.probability(observation[:, self.columns]) for one in self.classifiers], axis=1)
 
     def met(self, observation: Array) -> BoolArray:
         """[K] whether one of them holds."""
@@ -52,7 +58,12 @@ class Preconditions:
     def arrays(self) -> dict[str, npt.NDArray[Any]]:
         """For `artifacts.save_arrays`."""
         parts = {f"{i}.{key}": value for i, one in enumerate(self.classifiers) for key, value in one.arrays().items()}
-        return parts | {"threshold": np.array(self.threshold), "count": np.array(len(self.classifiers))}
+        rest = {
+            "threshold": np.array(self.threshold),
+            "count": np.array(len(self.classifiers)),
+            "columns": self.columns,
+        }
+        return parts | rest
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, npt.NDArray[Any]]) -> Preconditions:
@@ -61,7 +72,7 @@ class Preconditions:
         for i in range(int(arrays["count"])):
             mine = {key.partition(".")[2]: value for key, value in arrays.items() if key.startswith(f"{i}.")}
             made.append(PreconditionClassifier.from_arrays(mine))
-        return cls(tuple(made), float(arrays["threshold"]))
+        return cls(tuple(made), np.asarray(arrays["columns"]), float(arrays["threshold"]))
 
 
 @dataclass(frozen=True)
@@ -116,6 +127,8 @@ def fit(
     seen = visited.seen
     if fields:
         seen = Observation.of({name: seen[name] for name in fields})
+    names = np.array(seen.names)
+    columns = np.flatnonzero(names != COUNTER)
     made = []
     for index, option in enumerate(nominal):
         mine = visited.option == index
@@ -123,5 +136,5 @@ def fit(
             raise ConfigError(
                 f"no nominal trajectory got through '{option.name}' to success; run more of them (trajectories)"
             )
-        made.append(fit_classifier(seen.values[mine], visited.success[mine], seen.names, rng))
-    return Preconditions(tuple(made), threshold)
+        made.append(fit_classifier(seen.values[mine][:, columns], visited.success[mine], tuple(names[columns]), rng))
+    return Preconditions(tuple(made), columns, threshold)
