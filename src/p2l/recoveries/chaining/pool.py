@@ -112,8 +112,9 @@ class Pool:
             raise ConfigError(f"pool: actions must lie in [0, {len(self.actions)}), got {actions.tolist()}")
         self.waiting[slots] = False
         self._before[slots] = self._runner.steps_total[slots]
-        self._begun.put(slots, self._runner.rows.take(slots))
-        self._pass(slots)
+        rows = self._runner.rows.take(slots)
+        self._begun.put(slots, rows)
+        self._pass(slots, rows)
         self._runner.begin(slots, actions)
 
     def settle(self, slots: IntArray, reward: Array) -> Transitions:
@@ -124,7 +125,7 @@ class Pool:
         """
         self._refuse_busy(slots)
         observation = self.observation[slots].copy()
-        self._pass(slots)
+        self._pass(slots, self._runner.rows.take(slots))
         fresh = self._leave(slots, reward > 0.0, simulated=False)
         yes, no = np.ones(len(slots), dtype=np.bool_), np.zeros(len(slots), dtype=np.bool_)
         steps = np.zeros(len(slots), dtype=np.int64)
@@ -224,11 +225,11 @@ class Pool:
         for past, part in zip(self._history, np.split(moments.state, len(self._history), axis=1), strict=True):
             past[slots] = part
 
-    def _pass(self, slots: IntArray) -> None:
+    def _pass(self, slots: IntArray, rows: Rows) -> None:
         """Note where a decision is taken."""
         if self._revisits is not None:
             moments = Moments(
-                rows=self._runner.rows.take(slots),
+                rows=rows,
                 state=self.observation[slots],
                 decisions=self._decisions[slots],
                 primitive_steps=self._primitive_steps[slots],
