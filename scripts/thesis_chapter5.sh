@@ -6,6 +6,8 @@
 #
 #   scripts/thesis_chapter5.sh                                   # all of it
 #   WORLDS=pick_place LEARNERS=rc,pp SEEDS=0,1 scripts/thesis_chapter5.sh   # a part; the rest can follow
+#   THREADS=1 WORLDS=shelf scripts/thesis_chapter5.sh build/one    # one simulator thread each lets two clones run side
+#   THREADS=1 WORLDS=pick_place scripts/thesis_chapter5.sh build/two   # by side, faster than one after the other
 set -euo pipefail
 
 root=$(git -C "$(dirname "${BASH_SOURCE[0]}")" rev-parse --show-toplevel)
@@ -20,6 +22,9 @@ if [ -n "${LEARNERS:-}" ]; then
 fi
 if [ -n "${SEEDS:-}" ]; then
   learning+=("\"seeds=[$SEEDS]\"") judging+=("\"seeds=[$SEEDS]\"")
+fi
+if [ -n "${THREADS:-}" ]; then
+  learning+=("\"+world.params.nthread=$THREADS\"") judging+=("\"+world.params.nthread=$THREADS\"")
 fi
 join() { local IFS=,; echo "$*"; }
 TARGETS=$(printf 'evaluate_chains@%s ' "${worlds[@]}") \

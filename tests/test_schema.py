@@ -10,6 +10,7 @@ from pydantic import ValidationError
 
 from p2l.errors import ConfigError
 from p2l.schema import SCHEMAS, CollectConfig, resolve, validate
+from p2l.schema.recovery import WorldConfig, WorldStageConfig
 
 GOOD = {"seed": 0, "domain": {"name": "lego", "params": {}}, "n_tasks": 30, "n_taught": 10, "draws": 4}
 NUMBERS = st.integers(-5, 40) | st.floats() | st.text(max_size=3) | st.none() | st.lists(st.integers(), max_size=2)
@@ -96,3 +97,10 @@ def test_the_table_of_budgets_is_used_up():
 def test_a_value_that_cannot_be_resolved_names_its_key(value):
     with pytest.raises(ConfigError, match="draws"):
         resolve(OmegaConf.create({"experiment": {}, "draws": value}))
+
+
+def test_the_hash_does_not_see_how_many_threads_simulate():
+    def work(**params):
+        return WorldStageConfig(item="shelf", world=WorldConfig(name="shelf", params=params)).hash
+
+    assert work(arm="Panda") == work(arm="Panda", nthread=1) != work(arm="IIWA")

@@ -42,8 +42,11 @@ class StageConfig(Section):
 
     @property
     def hash(self) -> str:
-        """Identifies the work: hash of everything but `tracking`. Checkpoints carry it in their names."""
-        return config_hash(self.model_dump(mode="json", exclude={"tracking"}))
+        """Identifies the work: hash of everything but `tracking` and the world's `nthread`, which change no result.
+
+        Checkpoints carry it in their names.
+        """
+        return config_hash(self.model_dump(mode="json", exclude={"tracking": True, "world": {"params": {"nthread"}}}))
 
     @property
     def subject(self) -> str:

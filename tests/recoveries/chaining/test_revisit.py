@@ -113,9 +113,19 @@ def moments(world, decisions, tag=0.0):
 
 
 def paid_once(world, made, tag):
+    """A way of two decisions, whose moments' states are `tag` and `tag + 1`."""
     made.forget(FIRST)
-    made.passing(FIRST, moments(world, [0], tag))
+    for decision in range(2):
+        made.passing(FIRST, moments(world, [decision], tag))
     made.ended(FIRST, YES)
+
+
+def filled(world, slots):
+    """Every place is taken: the moment in place p has state p."""
+    made = Revisits(1.0, slots, 2, np.random.default_rng(0))
+    for tag in range(0, CAPACITY, 2):
+        paid_once(world, made, float(tag))
+    return made
 
 
 def test_only_whole_ways_that_were_paid_are_kept(world):
@@ -138,24 +148,28 @@ def test_only_whole_ways_that_were_paid_are_kept(world):
     assert found == {0.5, 1.5}
 
 
+def test_a_single_decision_leaves_nothing_to_go_back_to(world):
+    made = Revisits(1.0, 1, 2, np.random.default_rng(0))
+    made.passing(FIRST, moments(world, [0]))
+    made.ended(FIRST, YES)
+    assert made.begin(FIRST)[1] is None
+
+
 def test_moments_that_pay_most_often_make_room(world):
-    made = Revisits(1.0, 1, 1, np.random.default_rng(0))
-    for tag in range(CAPACITY):
-        paid_once(world, made, float(tag))
-    often = 7
-    made._success[[often, 8]] = 0.9, 0.1
+    made, often = filled(world, 1), [7, 30]
+    made._success[[*often, 8]] = 0.9, 0.8, 0.1
     before = made._success.copy()
     paid_once(world, made, 1000.0)
-    assert_array_equal(np.flatnonzero(made._success != before), [often])
-    assert made._kept.state[often, 0] == 1000.0
+    assert_array_equal(np.flatnonzero(made._success != before), often)
+    assert_array_equal(made._kept.state[often, 0], [1000.0, 1001.0])
 
 
 def test_moments_that_sometimes_pay_are_preferred(world):
-    made = Revisits(1.0, 1, 1, np.random.default_rng(0))
-    for tag in range(3):
-        paid_once(world, made, float(tag))
+    made = Revisits(1.0, 1, 2, np.random.default_rng(0))
+    for tag in (0.0, 2.0):
+        paid_once(world, made, tag)
     made._recent[:] = 0.0
-    made._success[:3] = 0.02, 0.5, 0.98
+    made._success[:4] = 0.02, 0.5, 0.98, np.inf
     counts = np.zeros(3)
     for _ in range(600):
         counts[int(made.begin(FIRST)[1].state[0, 0])] += 1
@@ -163,9 +177,7 @@ def test_moments_that_sometimes_pay_are_preferred(world):
 
 
 def test_the_moment_of_an_episode_under_way_may_be_overwritten(world):
-    made = Revisits(1.0, 2, 1, np.random.default_rng(0))
-    for tag in range(CAPACITY):
-        paid_once(world, made, float(tag))
+    made = filled(world, 2)
     made._recent[:] = 0.0
     back, kept = made.begin(SECOND)
     place = int(kept.state[0, 0])
@@ -178,8 +190,9 @@ def test_the_moment_of_an_episode_under_way_may_be_overwritten(world):
 
 
 def test_every_episode_from_a_moment_counts(world):
-    made = Revisits(1.0, 2, 1, np.random.default_rng(0))
+    made = Revisits(1.0, 2, 2, np.random.default_rng(0))
     paid_once(world, made, 0.0)
+    made._success[1] = np.inf  # one place is left to go back to
     made._recent[:] = 0.0
     while len(made.begin(BOTH)[0]) < 2:
         pass
@@ -188,7 +201,7 @@ def test_every_episode_from_a_moment_counts(world):
 
 
 def test_what_is_learnt_makes_going_back_rare(world):
-    made = Revisits(1.0, 1, 1, np.random.default_rng(0))
+    made = Revisits(1.0, 1, 2, np.random.default_rng(0))
     for tag in range(200):
         paid_once(world, made, float(tag))
     assert len(made.begin(FIRST)[0]) == 0

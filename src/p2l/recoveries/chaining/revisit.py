@@ -7,6 +7,9 @@ the one before, back to the failure (as Florensa et al., 2017, and Salimans and 
 that sometimes lead to pay are preferred to those that always or never do. The share of such episodes falls with the
 recent success from recorded failures, so that what is learnt makes them rare. A new way takes the place of moments
 that lead to pay most often; those that never do stay, since what is learnt later may reach the goal from there.
+A success of one decision is not kept: nothing of it is left to do. Where one option pays for a few failures at once
+(11 % of the cluttered shelf's), going back to those would teach that option for all of them, and longer ways that pay
+for more would not be found.
 
 1. The thesis starts every episode at a recorded failure. Here, too, only those count in a round's success, and
    evaluations start nowhere else. All simulated control steps count.
@@ -128,7 +131,7 @@ class Revisits:
         for place, well in zip(self._origin[slots].tolist(), paid.tolist(), strict=True):
             if place >= 0:
                 self._success[place] += FOLLOW * (well - self._success[place])
-        self._keep(slots[paid & (self._first[slots] == 0)])
+        self._keep(slots[paid & (self._first[slots] == 0) & (self._last[slots] > 0)])
 
     def _keep(self, slots: IntArray) -> None:
         """Whole ways of episodes that were paid, in place of the moments that lead to pay most often."""
