@@ -1,6 +1,7 @@
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.testing import assert_array_equal
 from scipy.spatial.transform import Rotation, Slerp
 
 from p2l import poses
@@ -36,3 +37,14 @@ def test_frame_has_the_axes_given():
 def test_about_turns_by_the_right_hand():
     turned = poses.about([0.0, 0.0, 1.0], np.array([np.pi / 2, -np.pi / 2])).apply([1.0, 0.0, 0.0])
     np.testing.assert_allclose(turned, [[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]], atol=1e-12)
+
+
+@given(st.integers(0, 10_000), st.floats(1e-9, 3.0))
+def test_the_angle_between_is_scipys_to_the_bit(seed, apart):
+    first = quats(seed)
+    second = poses.quat(poses.rotation(first) * poses.about(quats(seed + 1)[:, 1:], apart))
+    scipys = (
+        Rotation.from_quat(first, scalar_first=True).inv() * Rotation.from_quat(second, scalar_first=True)
+    ).magnitude()
+    assert_array_equal(poses.angle(first, second), scipys)
+    assert_array_equal(poses.angle(first, -first), 0.0)

@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from p2l import poses
-from p2l.skills.machine import Machine, Phase
+from p2l.skills.machine import Machine, Phase, link
 from p2l.skills.option import Option
 from p2l.worlds.observation import Observation
 
@@ -86,3 +86,27 @@ def test_rows_do_not_touch_each_other(order):
     part = decide(option, seen.take(order), option.begin(seen.take(order)))
     assert_array_equal(part.command.pos, whole.command.pos[order])
     assert_array_equal(part.memory, whole.memory[order])
+
+
+def test_linked_machines_decide_together_what_each_decides_alone():
+    """The second begins in its second phase; each ends where its own phases do."""
+    alone = (machine(), machine(enter=lambda seen: np.ones(len(seen), dtype=np.int64)))
+    first, second = link(alone)
+    assert first.decides_as == second.decides_as
+    pos = np.array([[0.0, 0.0, 0.0], [0.0, 0.5, 0.0]])
+    seen = see(pos, pos)
+    parts = [seen.take([0]), seen.take([1])]
+    own = [one.begin(part) for one, part in zip(alone, parts, strict=True)]
+    together = np.concatenate([one.begin(part) for one, part in zip((first, second), parts, strict=True)])
+    ends = []
+    for _ in range(11):
+        decisions = [decide(one, part, memory) for one, part, memory in zip(alone, parts, own, strict=True)]
+        both = decide(first, seen, together)
+        for row, decision in enumerate(decisions):
+            assert_array_equal(both.command.pos[row], decision.command.pos[0])
+            assert_array_equal(both.command.quat[row], decision.command.quat[0])
+            assert both.command.grip[row] == decision.command.grip[0]
+            assert both.done[row] == decision.done[0]
+        ends.append(both.done.tolist())
+        own, together = [decision.memory for decision in decisions], both.memory
+    assert np.argmax(ends, axis=0).tolist() == [6, 2], "four steps and two at rest; two at rest"

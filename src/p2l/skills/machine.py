@@ -7,15 +7,16 @@ achieved using task-space impedance control with fixed impedance."
 The impedance target runs ahead of the arm at a bounded pace towards the goal of the present phase; the goal is asked
 for anew at every control step. A row remembers its phase, how long it has been in it, how far the fingers were open
 before, and the orientation that was chosen at the start. Nothing of the way so far counts, so an option may start from
-any state: `enter` says which phase fits what is observed.
+any state: `enter` says which phase fits what is observed. Machines that are `linked` are asked together.
 
-Axis letters: N rows, P phases.
+Axis letters: N rows, P phases of all machines that are asked together.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -25,8 +26,8 @@ from p2l.skills.option import Decision
 from p2l.worlds.observation import Observation, Privileged
 from p2l.worlds.world import Command
 
-_PHASE, _STEPS, _GAP, _QUAT = 0, 1, 2, slice(3, 7)
-MEMORY = 7
+_PHASE, _STEPS, _GAP, _QUAT, _END = 0, 1, 2, slice(3, 7), 7
+MEMORY = 8
 
 
 @dataclass(frozen=True)
@@ -68,6 +69,8 @@ class Machine:
         ready: the hand-written precondition.
         enter: [N] phase to begin with; the first without it.
         pace_rad: the target turns at most so far in a control step.
+        linked: phases of all machines that are asked together with this one; its own alone without any.
+        first: place of its own first phase among them.
     """
 
     name: str
@@ -76,10 +79,17 @@ class Machine:
     ready: Callable[[Privileged], BoolArray]
     enter: Callable[[Observation], IntArray] | None = None
     pace_rad: float = 0.25
+    linked: tuple[Phase, ...] = ()
+    first: int = 0
+
+    @property
+    def decides_as(self) -> tuple[tuple[Phase, ...], float]:
+        """What its decisions depend on, apart from its memory."""
+        return self._all, self.pace_rad
 
     @property
     def memory_size(self) -> int:
-        """Phase, steps in it, opening of the fingers before, orientation."""
+        """Phase, steps in it, opening of the fingers before, orientation, the phase that is not its own any more."""
         return MEMORY
 
     @property
@@ -94,42 +104,59 @@ class Machine:
     def begin(self, seen: Observation) -> Array:
         """The phase that fits, and the orientation to hold."""
         memory = np.zeros((len(seen), MEMORY))
-        memory[:, _PHASE] = 0 if self.enter is None else self.enter(seen)
+        memory[:, _PHASE] = self.first + (0 if self.enter is None else self.enter(seen))
         memory[:, _GAP] = np.inf
         memory[:, _QUAT] = self.orient(seen)
+        memory[:, _END] = self.first + len(self.phases)
         return memory
 
     def decide(self, seen: Observation, memory: Array, step: IntArray) -> Decision:
         """Change phase where the present one is over, then move the target on."""
         del step  # a machine counts in its phases
         memory = memory.copy()
-        goals = np.stack([phase.goal(seen) for phase in self.phases])  # [P, N, 3]
+        goals = np.stack([phase.goal(seen) for phase in self._all])  # [P, N, 3]
         gap = seen["gap_m"][:, 0]
         over = self._over(seen, goals, memory, np.abs(gap - memory[:, _GAP]))
         memory[over, _PHASE] += 1
         memory[over, _STEPS] = 0
         memory[:, _STEPS] += 1
         memory[:, _GAP] = gap
-        done = memory[:, _PHASE] >= len(self.phases)
-        index = np.minimum(memory[:, _PHASE], len(self.phases) - 1).astype(np.int64)
+        done, index = memory[:, _PHASE] >= memory[:, _END], _present(memory)
         goal = goals[index, np.arange(len(seen))]
-        pos = _towards(seen["target_pos_m"], goal, self._of("pace_m")[index])
+        pos = _towards(seen["target_pos_m"], goal, self._of["pace_m"][index])
         quat = _turn(seen["target_quat"], memory[:, _QUAT], self.pace_rad)
-        return Decision(Command(pos, quat, self._of("grip")[index]), memory, done)
+        return Decision(Command(pos, quat, self._of["grip"][index]), memory, done)
 
     def _over(self, seen: Observation, goals: Array, memory: Array, change_m: Array) -> BoolArray:
-        index = np.minimum(memory[:, _PHASE].astype(np.int64), len(self.phases) - 1)
-        steps = memory[:, _STEPS]
+        index, steps, of = _present(memory), memory[:, _STEPS], self._of
         goal = goals[index, np.arange(len(seen))]
         away = np.linalg.norm(seen["grip_pos_m"] - goal, axis=1)
-        turn = _angle(seen["grip_quat"], memory[:, _QUAT])
-        there = (away < self._of("reached_m")[index]) & (turn < self._of("reached_rad")[index])
-        fingers = (change_m <= self._of("still_m")[index]) & (seen["gap_m"][:, 0] >= self._of("open_m")[index])
-        late = steps >= self._of("limit")[index]
-        return np.asarray((there & fingers & (steps >= self._of("at_least")[index])) | late)
+        turn = poses.angle(seen["grip_quat"], memory[:, _QUAT])
+        there = (away < of["reached_m"][index]) & (turn < of["reached_rad"][index])
+        fingers = (change_m <= of["still_m"][index]) & (seen["gap_m"][:, 0] >= of["open_m"][index])
+        return np.asarray((there & fingers & (steps >= of["at_least"][index])) | (steps >= of["limit"][index]))
 
-    def _of(self, attribute: str) -> Array:
-        return np.array([getattr(phase, attribute) for phase in self.phases], dtype=np.float64)
+    @cached_property
+    def _all(self) -> tuple[Phase, ...]:
+        return self.linked or self.phases
+
+    @cached_property
+    def _of(self) -> dict[str, Array]:
+        """[P] attributes of the phases that are numbers."""
+        names = [field.name for field in fields(Phase) if field.name != "goal"]
+        return {name: np.array([getattr(phase, name) for phase in self._all], dtype=np.float64) for name in names}
+
+
+def link(machines: Sequence[Machine]) -> tuple[Machine, ...]:
+    """The same machines, asked together where they are equally fast."""
+    phases = tuple(phase for machine in machines for phase in machine.phases)
+    firsts = np.cumsum([0, *(len(machine.phases) for machine in machines)]).tolist()
+    return tuple(replace(one, linked=phases, first=first) for one, first in zip(machines, firsts, strict=False))
+
+
+def _present(memory: Array) -> IntArray:
+    """[N] the phase; the last one of a machine that is done."""
+    return np.minimum(memory[:, _PHASE], memory[:, _END] - 1).astype(np.int64)
 
 
 def _towards(start: Array, goal: Array, pace: Array) -> Array:
@@ -141,10 +168,5 @@ def _towards(start: Array, goal: Array, pace: Array) -> Array:
 
 def _turn(start: Array, goal: Array, pace_rad: float) -> Array:
     """[N, 4] on the shorter way from `start` to `goal`, at most `pace_rad` along it."""
-    angle = _angle(start, goal)
+    angle = poses.angle(start, goal)
     return poses.between(start, goal, np.minimum(1.0, pace_rad / np.maximum(angle, 1e-12)))
-
-
-def _angle(first: Array, second: Array) -> Array:
-    """[N] between two orientations [N, 4], rad."""
-    return np.asarray((poses.rotation(first).inv() * poses.rotation(second)).magnitude())

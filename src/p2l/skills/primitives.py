@@ -10,8 +10,10 @@ from where the hand is, not from its target: a hand that presses on something st
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from p2l import poses
 from p2l.records import Array, BoolArray, IntArray
@@ -45,6 +47,10 @@ class Primitive:
     max_steps = STEPS
     decides_as = "primitive"  # what differs is in the memory
 
+    @cached_property
+    def _turn(self) -> Rotation:
+        return poses.about(np.asarray(self.turn_rad), 1.0)
+
     def precondition(self, truth: Privileged) -> BoolArray:
         """Applicable everywhere."""
         return np.ones(len(truth), dtype=np.bool_)
@@ -53,7 +59,7 @@ class Primitive:
         """The present target, the new one, and the gripper's command; a translation keeps the orientation asked for."""
         turned = poses.rotation(seen["target_quat"])
         pos = seen["grip_pos_m"] + turned.apply(self.shift_m)
-        quat = poses.quat(turned * poses.about(np.asarray(self.turn_rad), 1.0))
+        quat = poses.quat(turned * self._turn)
         grip = seen["grip_command"] if self.grip is None else np.full((len(seen), 1), self.grip)
         return np.concatenate([seen["target_pos_m"], seen["target_quat"], pos, quat, grip], axis=1)
 

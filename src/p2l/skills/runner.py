@@ -15,10 +15,12 @@ from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
+import numpy.typing as npt
 
 from p2l.errors import ConfigError
 from p2l.records import BoolArray, IntArray
 from p2l.skills.option import Option
+from p2l.worlds.observation import Observation
 from p2l.worlds.world import NO_FAILURE, Command, Rows, World, advance
 
 
@@ -71,6 +73,7 @@ class Runner:
         self._memory = np.zeros((slots, max(option.memory_size for option in self.options)))
         alike = [getattr(option, "decides_as", index) for index, option in enumerate(self.options)]
         self._group = np.array([alike.index(name) for name in alike])  # options whose decisions are taken together
+        self._limits = np.array([option.max_steps for option in self.options], dtype=np.int64)
         self._rows: Rows | None = None
         self._grip = world.engine.sensor_columns["grip_pos"]
 
@@ -81,31 +84,42 @@ class Runner:
             raise ConfigError("runner: no slot has been filled; call start first")
         return self._rows
 
-    def start(self, slots: IntArray, rows: Rows, option: IntArray, *, muted: bool = False) -> None:
-        """A new episode in each of `slots` [K], from `rows` [K] with `option` [K]; counters start at 0.
+    def start(self, slots: IntArray, rows: Rows, option: IntArray) -> None:
+        """A new episode in each of `slots` [K], from `rows` [K] with `option` [K]; counters start at 0."""
+        self.place(slots, rows)
+        self.begin(slots, option)
+
+    def place(self, slots: IntArray, rows: Rows, muted: npt.ArrayLike = False) -> None:
+        """A new episode in each of `slots` [K], which waits for `begin`; counters start at 0.
 
         Args:
             slots: [K].
             rows: [K] where the episodes start.
-            option: [K] what drives them first.
-            muted: the start is a failure whose flag is still up (the hand still presses on the wall it hit): flags
-                count from the first control step on that raises none.
+            muted: (of each) the start is a failure whose flag is still up (the hand still presses on the wall it hit):
+                flags count from the first control step on that raises none.
         """
         if self._rows is None:
             self._rows = rows.take(np.zeros(len(self.busy), dtype=np.int64))
         self.rows.put(slots, rows)
+        self.busy[slots] = False
         self.steps_total[slots] = 0
         self.path_m[slots] = 0.0
         self.muted[slots] = muted
-        self.begin(slots, option)
 
-    def begin(self, slots: IntArray, option: IntArray) -> None:
-        """The next `option` [K] of the episodes in `slots` [K]; forgets the flags of the option before."""
+    def begin(self, slots: IntArray, option: IntArray, seen: Observation | None = None) -> None:
+        """The next `option` [K] of the episodes in `slots` [K]; forgets the flags of the option before.
+
+        Args:
+            slots: [K].
+            option: [K] what drives them.
+            seen: [K] of their rows, from who has it already.
+        """
         self.busy[slots] = True
         self.option[slots] = option
         self.step[slots] = 0
         self.kind[slots] = NO_FAILURE
-        seen = self.world.observe(self.rows.take(slots))
+        if seen is None:
+            seen = self.world.observe(self.rows.take(slots))
         for index in np.unique(option):
             where = np.flatnonzero(option == index)
             memory = self.options[index].begin(seen.take(where))
@@ -119,7 +133,7 @@ class Runner:
         """One control step of every busy slot; the slots of the events returned wait for `begin`, `start` or `stop`."""
         live = np.flatnonzero(self.busy)
         command, done = self._decide(live)
-        late = ~done & (self.step[live] >= self._limits()[self.option[live]])
+        late = ~done & (self.step[live] >= self._limits[self.option[live]])
         reason = np.full(len(live), -1, dtype=np.int64)
         reason[done], reason[late] = Reason.ENDED, Reason.TIMEOUT
         moving = np.flatnonzero(~(done | late))
@@ -167,6 +181,3 @@ class Runner:
             reason[first] = Reason.FAILED
         reason[diverged] = Reason.DIVERGED
         return reason
-
-    def _limits(self) -> IntArray:
-        return np.array([option.max_steps for option in self.options], dtype=np.int64)

@@ -10,7 +10,7 @@ from p2l.recoveries.chaining.learner import Task
 from p2l.recoveries.chaining.learners import make_learner
 from p2l.recoveries.chaining.mdp import Limits
 from p2l.recoveries.chaining.pool import Pool
-from p2l.recoveries.chaining.revisit import CAPACITY, Moments, Revisits
+from p2l.recoveries.chaining.revisit import CAPACITY, ENOUGH, RECENT, Moments, Revisits
 from p2l.skills.primitives import PRIMITIVES, STEPS
 
 ALIGN = len(PRIMITIVES)
@@ -140,6 +140,7 @@ def test_only_whole_ways_that_were_paid_are_kept(world):
     made.ended(BOTH, np.array([True, False]))
     found = set()
     for _ in range(40):
+        made._recent[:] = 0.0
         back, kept = made.begin(FIRST)
         if len(back):
             found.add(float(kept.state[0, 0]))
@@ -200,11 +201,12 @@ def test_every_episode_from_a_moment_counts(world):
     assert made._success[0] == pytest.approx((0.5 + 0.3 * 0.5) * 0.7)
 
 
-def test_what_is_learnt_makes_going_back_rare(world):
-    made = Revisits(1.0, 1, 2, np.random.default_rng(0))
-    for tag in range(200):
-        paid_once(world, made, float(tag))
-    assert len(made.begin(FIRST)[0]) == 0
+@pytest.mark.parametrize(("recent", "share"), [(0.0, 1.0), (ENOUGH / 2, 0.5), (ENOUGH, 0.0), (1.0, 0.0)])
+def test_what_is_learnt_ends_going_back(world, recent, share):
+    made = filled(world, 1)
+    made._recent[: round(recent * RECENT)], made._recent[round(recent * RECENT) :] = 1.0, 0.0
+    back = sum(len(made.begin(FIRST)[0]) for _ in range(400))
+    assert back == pytest.approx(400 * share, abs=50)
 
 
 def test_a_whole_task_is_never_gone_on_with(task: Task):

@@ -71,6 +71,7 @@ class Pool:
         self._starts = starts
         self._runner = Runner(world, (*primitives, *nominal), slots)
         self._history: list[Array] = []
+        self._seen: Observation | None = None  # [B] what options begin with; meaningful where `waiting`
         self._decisions = np.zeros(slots, dtype=np.int64)
         self._primitive_steps = np.zeros(slots, dtype=np.int64)
         self._before = np.zeros(slots, dtype=np.int64)
@@ -115,7 +116,7 @@ class Pool:
         rows = self._runner.rows.take(slots)
         self._begun.put(slots, rows)
         self._pass(slots, rows)
-        self._runner.begin(slots, actions)
+        self._runner.begin(slots, actions, None if self._seen is None else self._seen.take(slots))
 
     def settle(self, slots: IntArray, reward: Array) -> Transitions:
         """End the episodes of `slots` [K] with `reward` [K], simulating nothing; `done` says whether it is positive.
@@ -191,12 +192,10 @@ class Pool:
     def _renew(self, slots: IntArray) -> None:
         """New episodes from recorded failures."""
         rows = self._starts(len(slots))
-        first = np.zeros(len(slots), dtype=np.int64)
-        self._runner.start(slots, rows, first, muted=True)
-        self._runner.stop(slots)
+        self._runner.place(slots, rows, muted=True)
         self._decisions[slots] = 0
         self._primitive_steps[slots] = 0
-        seen = seen_in(self.world, rows, self.limits)
+        seen = chosen(self._look(slots, rows), self.limits)
         if not self._history:
             self._history = [np.zeros((len(self), seen.values.shape[1])) for _ in range(self.limits.history)]
             self._columns = Observation.stack([seen] * self.limits.history).names
@@ -217,9 +216,8 @@ class Pool:
         return fresh
 
     def _go_back(self, slots: IntArray, moments: Moments) -> None:
-        self._runner.start(slots, moments.rows, np.zeros(len(slots), dtype=np.int64))
-        self._runner.muted[slots] = moments.muted
-        self._runner.stop(slots)
+        self._runner.place(slots, moments.rows, moments.muted)
+        self._look(slots, moments.rows)
         self._decisions[slots] = moments.decisions
         self._primitive_steps[slots] = moments.primitive_steps
         for past, part in zip(self._history, np.split(moments.state, len(self._history), axis=1), strict=True):
@@ -241,7 +239,15 @@ class Pool:
         """Shift the history of `slots` and put the present observation first."""
         for newer, older in zip(reversed(self._history[:-1]), reversed(self._history[1:]), strict=True):
             older[slots] = newer[slots]
-        self._history[0][slots] = seen_in(self.world, self._runner.rows.take(slots), self.limits).values
+        self._history[0][slots] = chosen(self._look(slots, self._runner.rows.take(slots)), self.limits).values
+
+    def _look(self, slots: IntArray, rows: Rows) -> Observation:
+        """What is seen in the `rows` [K] of `slots` [K]; the options that follow begin with the same."""
+        seen = sound(self.world, rows)
+        if self._seen is None:
+            self._seen = Observation(seen.columns, np.zeros((len(self), seen.values.shape[1])))
+        self._seen.values[slots] = seen.values
+        return seen
 
     def _refuse_busy(self, slots: IntArray) -> None:
         if not self.waiting[slots].all():
@@ -253,21 +259,28 @@ def action_names(primitives: Sequence[Option], nominal: Sequence[Option]) -> tup
     return tuple([option.name for option in primitives] + [f"from {option.name}" for option in nominal])
 
 
-def seen_in(world: World, rows: Rows, limits: Limits) -> Observation:
-    """One observation of the state: the fields that `limits` names, or all.
+def sound(world: World, rows: Rows) -> Observation:
+    """The observation of the rows.
 
     Raises:
-        ShapeError: no such field, or NaN.
+        ShapeError: NaN or infinity.
     """
     seen = world.observe(rows)
-    if limits.fields:
-        seen = Observation.of({name: seen[name] for name in limits.fields})
     if not np.isfinite(seen.values).all():
         bad = [name for name in seen.columns if not np.isfinite(seen[name]).all()]
         raise ShapeError(f"{world.name}: the observation holds NaN or infinity in {', '.join(bad)}")
     return seen
 
 
+def chosen(seen: Observation, limits: Limits) -> Observation:
+    """The fields that `limits` names, or all.
+
+    Raises:
+        ShapeError: no such field.
+    """
+    return Observation.of({name: seen[name] for name in limits.fields}) if limits.fields else seen
+
+
 def first_state(world: World, rows: Rows, limits: Limits) -> Observation:
     """The state [N, O] at the start of an episode: there is nothing to remember, so the observation repeats."""
-    return Observation.stack([seen_in(world, rows, limits)] * limits.history)
+    return Observation.stack([chosen(sound(world, rows), limits)] * limits.history)

@@ -4,12 +4,15 @@ Where random decisions are hardly ever paid (in 0.7 % of the shelf's episodes), 
 a success, and PPO has little to go by. The simulator restores any moment, as it restores the recorded failures; so some
 episodes start in the middle of an earlier success, where little is left to do: its last decision is learnt first, then
 the one before, back to the failure (as Florensa et al., 2017, and Salimans and Chen, 2018, learn backwards). Moments
-that sometimes lead to pay are preferred to those that always or never do. The share of such episodes falls with the
-recent success from recorded failures, so that what is learnt makes them rare. A new way takes the place of moments
+that sometimes lead to pay are preferred to those that always or never do. A new way takes the place of moments
 that lead to pay most often; those that never do stay, since what is learnt later may reach the goal from there.
 A success of one decision is not kept: nothing of it is left to do. Where one option pays for a few failures at once
 (11 % of the cluttered shelf's), going back to those would teach that option for all of them, and longer ways that pay
 for more would not be found.
+
+Moments are chosen by how they turned out. Where the state tells only part of what matters, an option that is paid there
+is seldom paid in others that look alike, and too many such episodes teach what luck did. So their share falls with the
+recent success from recorded failures, and is 0 once that is `ENOUGH` for PPO to go by.
 
 1. The thesis starts every episode at a recorded failure. Here, too, only those count in a round's success, and
    evaluations start nowhere else. All simulated control steps count.
@@ -29,6 +32,7 @@ from p2l.worlds.world import Rows
 
 CAPACITY = 256  # moments
 RECENT = 100  # episodes from recorded failures that the recent success is taken over
+ENOUGH = 0.2  # recent success at which no episode goes back any more
 FOLLOW = 0.3  # how fast a moment's success follows what came of it
 SELDOM = 0.01  # weight of a moment that always or never leads to pay, beside p (1 − p) of its success
 _FRESH, _GONE = -1, -2  # an episode that started at a recorded failure, or at a moment that has been overwritten
@@ -102,7 +106,7 @@ class Revisits:
         if self._kept is None or not len(known):
             return slots[:0], None
         recent = self._recent[: max(1, min(self._ended, RECENT))].mean()
-        back = slots[self._rng.random(len(slots)) < self._share * (1.0 - recent)]
+        back = slots[self._rng.random(len(slots)) < self._share * (1.0 - recent / ENOUGH)]
         weight = self._success[known] * (1.0 - self._success[known]) + SELDOM
         self._origin[back] = self._rng.choice(known, size=len(back), p=weight / weight.sum())
         moments = self._kept.take(self._origin[back])

@@ -12,7 +12,7 @@ import numpy as np
 
 from p2l import poses
 from p2l.records import Array, BoolArray, IntArray
-from p2l.skills.machine import Machine, Phase
+from p2l.skills.machine import Machine, Phase, link
 from p2l.worlds.observation import Observation, Privileged
 from p2l.worlds.pick_place import BIN1_POS_M, BIN_INNER_HALF_M, DOWN, FLOOR_M, HAND_HALF_M, LIFT_M, QUARTER_M, PickPlace
 
@@ -28,7 +28,7 @@ HELD_GAP_M = (0.02, 0.065)  # opening of fingers that are closed on the bread, a
 def options(world: PickPlace) -> tuple[Machine, ...]:
     """The nominal chain."""
     del world  # the same for every arm
-    return (
+    chain = (
         Machine("go_to_grasp", (Phase(_hover, grip=0.0),), quarter_turn, can_go_to_grasp),
         Machine(
             "pick",
@@ -52,6 +52,7 @@ def options(world: PickPlace) -> tuple[Machine, ...]:
             can_place,
         ),
     )
+    return link(chain)
 
 
 def quarter_turn(seen: Observation) -> Array:
@@ -71,7 +72,7 @@ def _hover(seen: Observation) -> Array:
 
 def _down(seen: Observation) -> Array:
     bread = seen["object_pos_m"]
-    turn = (poses.rotation(seen["grip_quat"]).inv() * poses.rotation(seen["target_quat"])).magnitude()
+    turn = poses.angle(seen["grip_quat"], seen["target_quat"])
     aside = np.linalg.norm(seen["grip_pos_m"][:, :2] - bread[:, :2], axis=1)
     astray = np.maximum(aside - ALIGNED_M, 0.0) + HAND_HALF_M * np.maximum(turn - ALIGNED_RAD, 0.0)
     height = np.maximum(bread[:, 2], FLOOR_M + 0.02) + np.minimum(2.0 * astray, TOP_M + HOVER_M)
