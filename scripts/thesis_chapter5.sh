@@ -5,7 +5,7 @@
 # as it ends; commit them, and the next machine goes on from there. A run under way goes on from its checkpoint here.
 #
 #   scripts/thesis_chapter5.sh                                   # all of it
-#   WORLDS=pick_place LEARNERS=rc,pp SEEDS=0,1 scripts/thesis_chapter5.sh   # a part; the rest can follow
+#   WORLDS=pick_place LEARNERS=rc,pp SEEDS=0,1 scripts/thesis_chapter5.sh   # a part, without tables; the rest can follow
 #   THREADS=1 WORLDS=shelf scripts/thesis_chapter5.sh build/one    # one simulator thread each lets two clones run side
 #   THREADS=1 WORLDS=pick_place scripts/thesis_chapter5.sh build/two   # by side, faster than one after the other
 set -euo pipefail
@@ -31,6 +31,10 @@ TARGETS=$(printf 'evaluate_chains@%s ' "${worlds[@]}") \
   OVERRIDES="{chain_recoveries: [$(join "${learning[@]}")], evaluate_chains: [$(join "${judging[@]}")]}" \
   "$root/scripts/thesis.sh" "$clone"
 
+if [ -n "${WORLDS:-}${LEARNERS:-}${SEEDS:-}" ]; then
+  echo "this part's records are in $results/records; tables and figures come with a run of all parts, without WORLDS, LEARNERS and SEEDS"
+  exit 0
+fi
 for name in table_5_1 table_5_2 figure_5_5 figure_5_8 figure_5_9 strategies_5 steps_to_thesis; do
   first=$clone/data/evaluate_chains/${worlds[0]}/$name.csv
   { head -n 1 "$first"; for world in "${worlds[@]}"; do tail -n +2 "$clone/data/evaluate_chains/$world/$name.csv"; done; } \

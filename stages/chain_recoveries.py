@@ -9,6 +9,7 @@ from typing import Any
 import pandas as pd
 
 from p2l.artifacts import atomic, save_json
+from p2l.errors import ArtifactError
 from p2l.failures.record import Failures, check_params, load_failures, open_world
 from p2l.ledger import code_digest
 from p2l.recoveries.chaining.checkpoint import drop_checkpoint
@@ -31,6 +32,12 @@ def run(cfg: ChainRecoveriesConfig, out: Path, track: Tracker) -> None:
 
     Policies of runs that are compared lie in policies/<learner>/s<seed>; their rows tell learner and seed.
     """
+    if not cfg.failures.exists():
+        raise ArtifactError(
+            f"{cfg.failures}: no failures of '{cfg.item}' have been recorded. To discover some: `dvc repro "
+            f"discover@{cfg.item}`, or `python -m stages.discover world={cfg.world.name} "
+            f"hydra.run.dir={cfg.failures.parent}`"
+        )
     failures = load_failures(cfg.failures, "train")
     check_params(failures, cfg.world.name, cfg.world.params, cfg.failures)
     if cfg.compare:
@@ -41,6 +48,7 @@ def run(cfg: ChainRecoveriesConfig, out: Path, track: Tracker) -> None:
     save_json(out / "summary.json", learnt.facts, schema="chain_summary", version=1)
     track.metrics(_told(learnt.facts))
     drop_checkpoint(out)
+    print(f"{out}: the best policy succeeds in {learnt.facts['best_evaluation']:.0%} of its evaluation's episodes")
 
 
 def _compare(cfg: ChainRecoveriesConfig, failures: Failures, out: Path, track: Tracker) -> None:
@@ -91,8 +99,12 @@ def _learn(cfg: ChainRecoveriesConfig, failures: Failures, out: Path, track: Tra
             if kind == "round":
                 show(int(row["control_steps"]), row["done"] / max(row["ended"], 1))
 
+        if parts.shared and not learner.whole_task:
+            track.note(
+                f"{len(failures)} failures are too few to set {episodes} apart: evaluations start at all of them."
+            )
         progress = train(task, learner, apart_of(task, learner, parts, episodes), settings, card, out, report)
-    return learnt_of(progress, len(failures), len(parts.apart))
+    return learnt_of(progress, len(failures), parts.set_apart)
 
 
 def _tables(out: Path, tables: Mapping[str, pd.DataFrame], track: Tracker) -> None:

@@ -48,7 +48,8 @@ def _recovery(cfg: WatchConfig, folder: Path, file: Path) -> str:
 
     world = get_world(cfg.world.name, cfg.world.params)
     nominal, rng = get_options(world.name, world), generator(cfg.seed, "watch", world.name, "recovery")
-    agent, _ = load_agent(folder, world, nominal, world.sample(rng, 1))  # refuses before anything is simulated
+    some = world.sample(rng, 1)
+    agent, _ = load_agent(folder, world, nominal, some, transfer=cfg.transfer)  # refuses before anything is simulated
     if cfg.failure is None:
         start = videos.flagged_start(world, nominal, rng)
     else:

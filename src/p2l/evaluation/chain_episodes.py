@@ -29,6 +29,7 @@ from p2l.skills.option import Option
 from p2l.worlds.world import Rows, World
 
 VERSION = 1  # raise it when an edit of the code changes episodes: committed records know no code
+WHOLE_TASK = ("rl",)  # learners that start where the task does, and take nothing over
 FLAGS = ("nominal", "flagged", "success", "diverged")
 Agents = Mapping[str, tuple[Agent, Policy]]
 
@@ -136,7 +137,10 @@ def episode_rows(found: Overall, card: Card, nominal: Sequence[Option]) -> pd.Da
 
 
 def totals(episodes: pd.DataFrame) -> dict[str, dict[str, Any]]:
-    """Rates with 95 % Wilson intervals: overall success, that of the nominal skills, and of recoveries."""
+    """Rates of one learner with 95 % Wilson intervals: overall success, that of the nominal skills, and of recoveries.
+
+    Who does the whole task has the first alone.
+    """
     sound = episodes[~episodes["diverged"]]
     flagged = sound[sound["flagged"]]
     parts = {
@@ -144,6 +148,8 @@ def totals(episodes: pd.DataFrame) -> dict[str, dict[str, Any]]:
         "nominal": (sound["nominal"], len(sound)),
         "recovery": (flagged["success"], len(flagged)),
     }
+    if episodes["learner"].isin(WHOLE_TASK).all():
+        del parts["nominal"], parts["recovery"]
     return {name: _rate(int(good.sum()), count) for name, (good, count) in parts.items()}
 
 

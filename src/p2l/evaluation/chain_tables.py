@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from p2l.evaluation.chain_episodes import totals
+from p2l.evaluation.chain_episodes import WHOLE_TASK, totals
 from p2l.evaluation.statistics import t_interval
 from p2l.evaluation.tables import COLUMNS, Row
 from p2l.evaluation.thesis import Thesis
@@ -42,7 +42,8 @@ def table_5_1(episodes: Mapping[str, pd.DataFrame], thesis: Thesis) -> pd.DataFr
     """Overall success of every learner in every world, beside the nominal skills.
 
     `success` pools the episodes of all seeds (Wilson limits); `success_by_seed` is the mean of the seeds' rates (t
-    limits, which also hold what differs between runs of learning); `recovery` counts only episodes that were flagged.
+    limits, which also hold what differs between runs of learning); `recovery` counts only episodes that were flagged,
+    and is left out for who does the whole task.
     Rows with a seed have the rates of its episodes.
     """
     rows: list[Row] = []
@@ -52,16 +53,15 @@ def table_5_1(episodes: Mapping[str, pd.DataFrame], thesis: Thesis) -> pd.DataFr
             told = totals(part)
             rates = part[~part["diverged"]].groupby("seed")["success"].mean().to_numpy(dtype=float)
             seeds = t_interval(rates)
-            rows += [_of(str(learner), setting, name, told[name]) for name in ("success", "recovery")]
+            names = [name for name in ("success", "recovery") if name in told]
+            rows += [_of(str(learner), setting, name, told[name]) for name in names]
             for seed, own in part.groupby("seed"):
                 alone = totals(own)
-                rows += [
-                    _of(str(learner), f"{setting};seed={seed}", name, alone[name]) for name in ("success", "recovery")
-                ]
+                rows += [_of(str(learner), f"{setting};seed={seed}", name, alone[name]) for name in names]
             rows.append(
                 (str(learner), setting, "success_by_seed", *_limits(seeds.mean, seeds.low, seeds.high), seeds.n)
             )
-        chained = table[table["learner"] != "rl"]
+        chained = table[~table["learner"].isin(WHOLE_TASK)]
         if len(chained):
             first = chained[chained["learner"] == chained["learner"].iloc[0]]
             rows.append(_of("nominal", setting, "success", totals(first)["nominal"]))
@@ -109,7 +109,9 @@ def steps_to_thesis(table: pd.DataFrame, runs: Mapping[str, Iterable[Learning]],
     """Control steps at which a run first does as well as the thesis's learner, and their ratio to the thesis's budget.
 
     Overall success during training = nominal + (1 − nominal) · success of an evaluation, nominal being that of
-    `table_5_1`; runs that never get there count with all their steps, and `reached` says how many do.
+    `table_5_1`; of who does the whole task it is that of the evaluation. Since one of many evaluations is good by luck,
+    it must be reached in two in a row, of which the first counts. Runs that never get there count with all their steps,
+    and `reached` says how many do. A learner that the thesis finds no better than the nominal skills has no rows.
     """
     rows: list[Row] = []
     for world, learnt in runs.items():
@@ -119,7 +121,10 @@ def steps_to_thesis(table: pd.DataFrame, runs: Mapping[str, Iterable[Learning]],
             wanted = thesis.value(TABLE, "rc" if learner == "lazy_rc" else learner, setting, "success")
             if wanted is None or not len(base):
                 continue
-            needed = (wanted - float(base["mean"].iloc[0])) / max(1.0 - float(base["mean"].iloc[0]), 1e-9)
+            before = 0.0 if learner in WHOLE_TASK else float(base["mean"].iloc[0])
+            needed = (wanted - before) / max(1.0 - before, 1e-9)
+            if needed <= 0.0:
+                continue
             steps = [_first(run.evaluations, needed) for run in own]
             reached = float(np.mean([found is not None for found in steps]))
             spent = [
@@ -134,8 +139,9 @@ def steps_to_thesis(table: pd.DataFrame, runs: Mapping[str, Iterable[Learning]],
 
 
 def _first(evaluations: pd.DataFrame, success: float) -> float | None:
-    good = evaluations[evaluations["success"] >= success]
-    return float(good["control_steps"].iloc[0]) if len(good) else None
+    good = evaluations["success"].to_numpy() >= success
+    twice = np.flatnonzero(good[:-1] & good[1:])
+    return float(evaluations["control_steps"].iloc[twice[0]]) if len(twice) else None
 
 
 def _at(evaluations: pd.DataFrame, steps: float) -> float:

@@ -125,6 +125,7 @@ class WatchConfig(WorldStageConfig):
     failure: Index | None
     failures: Path
     policy: Path | None
+    transfer: bool
     video: VideoConfig
 
     @property

@@ -201,6 +201,14 @@ def test_every_episode_from_a_moment_counts(world):
     assert made._success[0] == pytest.approx((0.5 + 0.3 * 0.5) * 0.7)
 
 
+def test_a_moment_learns_from_pay_that_was_not_simulated(world):
+    made = filled(world, 1)
+    made._recent[:] = 0.0
+    _, kept = made.begin(FIRST)
+    made.ended(FIRST, YES, simulated=False)
+    assert made._success[int(kept.state[0, 0])] == pytest.approx(0.5 + 0.3 * 0.5)
+
+
 @pytest.mark.parametrize(("recent", "share"), [(0.0, 1.0), (ENOUGH / 2, 0.5), (ENOUGH, 0.0), (1.0, 0.0)])
 def test_what_is_learnt_ends_going_back(world, recent, share):
     made = filled(world, 1)

@@ -31,7 +31,7 @@ def of_worlds(claims: Claims, cells: Cells) -> list[Reading]:
         if ours is None or base is None:
             found.append(Reading(claim, f"{world}: RC was not trained."))
             continue
-        better = float(ours["low"]) > float(base["high"])
+        better = _apart(cells, setting, MAIN, "nominal")
         agrees: Agreement = "no"
         if better:
             agrees = "partly" if ours["mean"] < ours["thesis"] else "yes"
@@ -52,7 +52,7 @@ def of_order(claims: Claims, cells: Cells) -> list[Reading]:
         if rates[0] is None or rates[1] is None:
             continue
         ours, rival, flat = rates[0], rates[1], rates[2]
-        apart = bool(ours["low"] > rival["high"])
+        apart = _apart(cells, setting, MAIN, RIVAL)
         unable = flat is None or bool(flat["mean"] <= UNABLE)
         verdicts.append((apart, unable, bool(ours["mean"] > rival["mean"])))
         rest = "" if flat is None else f", RL {percent(flat)}"
@@ -66,6 +66,23 @@ def of_order(claims: Claims, cells: Cells) -> list[Reading]:
     elif all(above for *_, above in verdicts):
         agrees = "partly"
     return [Reading(claim, f"{'; '.join(told)}.", agrees)]
+
+
+def _apart(cells: Cells, setting: str, better: str, worse: str) -> bool:
+    """Whether one method is above another, 95 % intervals apart; those over seeds where there are several.
+
+    Wilson's limits take all episodes for independent; those over seeds also hold what differs between trainings.
+    """
+    names = ("success_by_seed", "success")
+    high, low = (
+        next(
+            cell
+            for name in names
+            if (cell := cells.get((setting, method, name))) and (name == "success" or cell["n"] > 1)
+        )
+        for method in (better, worse)
+    )
+    return bool(float(high["low"]) > float(low["high"]))
 
 
 def of_progress(claims: Claims, curves: pd.DataFrame) -> list[Reading]:

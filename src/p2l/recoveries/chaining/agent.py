@@ -20,7 +20,7 @@ from p2l.recoveries.chaining.policy import Policy, check_policy, load_policy, sa
 from p2l.recoveries.chaining.pool import action_names, first_state
 from p2l.recoveries.chaining.preconditions import Preconditions
 from p2l.skills.option import Option
-from p2l.skills.primitives import GRIPS, PRIMITIVES, Primitive
+from p2l.skills.primitives import GRIPS, PRIMITIVES, STEPS, Primitive
 from p2l.worlds.world import Rows, World
 
 Act = Callable[[Array], IntArray]
@@ -50,7 +50,8 @@ class Agent:
         """[K] actions for the `decision` [K] of each episode, counted from 0."""
         action = self.act(observation)
         if self.preconditions is not None:
-            handed = self.preconditions.met(observation) | (decision >= self.limits.decisions)
+            most = min(self.limits.decisions, -(-self.limits.primitive_steps // STEPS))
+            handed = self.preconditions.met(observation) | (decision >= most)
             action = np.where(handed, len(self.primitives) + self.preconditions.best(observation), action)
         return action
 

@@ -204,7 +204,7 @@ def check_policy(
     if card.digest != digest and not transfer:
         raise ArtifactError(
             f"{where}: learnt in world '{world}' with other parameters or code ({card.digest}, not {digest}); train "
-            "again, or ask for the transfer (transfer=true)"
+            "again, or watch it all the same with transfer=true"
         )
 
 

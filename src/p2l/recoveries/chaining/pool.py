@@ -184,7 +184,7 @@ class Pool:
         ended = nominal | failed | ends
         over, fresh = ended | spent, np.ones(len(slot), dtype=np.bool_)
         if over.any():
-            fresh[over] = self._leave(slot[over], reward[over] > 0.0)
+            fresh[over] = self._leave(slot[over], ends[over])
         self.waiting[slot] = True
         cut, following = over & ~ended, self.observation[slot].copy()
         return Transitions(slot, observation, reward, ends, over, fresh, cut, steps, following)

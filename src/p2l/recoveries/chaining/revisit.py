@@ -130,12 +130,11 @@ class Revisits:
         fresh = self.fresh[slots]
         self._recent[(self._ended + np.arange(int(fresh.sum()))) % RECENT] = paid[fresh]
         self._ended += int(fresh.sum())
-        if not simulated:
-            return
         for place, well in zip(self._origin[slots].tolist(), paid.tolist(), strict=True):
             if place >= 0:
                 self._success[place] += FOLLOW * (well - self._success[place])
-        self._keep(slots[paid & (self._first[slots] == 0) & (self._last[slots] > 0)])
+        if simulated:
+            self._keep(slots[paid & (self._first[slots] == 0) & (self._last[slots] > 0)])
 
     def _keep(self, slots: IntArray) -> None:
         """Whole ways of episodes that were paid, in place of the moments that lead to pay most often."""

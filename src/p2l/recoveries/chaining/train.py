@@ -63,10 +63,22 @@ class TrainSettings:
 
 @dataclass(frozen=True)
 class Split:
-    """Failures to learn from, and those set apart for evaluations during training."""
+    """Failures to learn from, and those of evaluations during training.
+
+    Attributes:
+        learnt: where episodes start.
+        apart: where evaluations start.
+        shared: the failures are too few to set some apart: evaluations start where learning does.
+    """
 
     learnt: Rows
     apart: Rows
+    shared: bool = False
+
+    @property
+    def set_apart(self) -> int:
+        """How many failures learning never meets."""
+        return 0 if self.shared else len(self.apart)
 
 
 Report = Callable[[str, Mapping[str, float]], None]
@@ -82,7 +94,7 @@ def split(rows: Rows, episodes: int, seed: int, world: str) -> Split:
         raise no_failures(world)
     order = generator(seed, "chain_recoveries", world, "split").permutation(len(rows))
     if len(rows) < 5 * episodes:
-        return Split(rows, rows.take(order[np.arange(episodes) % len(rows)]))
+        return Split(rows, rows.take(order[np.arange(episodes) % len(rows)]), shared=True)
     return Split(rows.take(np.sort(order[episodes:])), rows.take(order[:episodes]))
 
 
