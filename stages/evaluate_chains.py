@@ -14,7 +14,10 @@ from p2l.artifacts import save_table
 from p2l.evaluation.chain_episodes import Agents, Book, episodes_of_seed
 from p2l.evaluation.chain_outcome import Evaluated, chain_report, read_runs
 from p2l.evaluation.chain_reuse import Nominal, nominal_sets, reuse_of_seed
+from p2l.evaluation.chain_reuse_video import film_reuse
 from p2l.evaluation.chain_transfer import Variant, transfer_of_seed
+from p2l.evaluation.failure_videos import skip
+from p2l.evaluation.videos import VideoOptions
 from p2l.ledger import code_digest
 from p2l.recoveries.chaining.agent import load_agent
 from p2l.registry import get_options, get_world
@@ -63,10 +66,25 @@ def run(cfg: EvaluateChainsConfig, out: Path, track: Tracker) -> None:
     found = Evaluated(cfg.item, table, runs, moves, starts, ablation)
     numbers, files = chain_report(out, found, cfg.thesis)
     track.metrics(numbers)
-    for path in files:
+    for path in [*files, *_film(cfg, out / "videos", world, nominal, agents, found)]:
         track.artifact(path)
     if broken := int(table["diverged"].sum()):
         track.note(f"The simulation of {broken} of {len(table)} episodes broke down; they are left out.")
+
+
+def _film(
+    cfg: EvaluateChainsConfig,
+    folder: Path,
+    world: World,
+    nominal: Sequence[Option],
+    agents: Mapping[int, Agents],
+    found: Evaluated,
+) -> list[Path]:
+    if not cfg.videos:
+        skip(folder, "videos=false")
+        return []
+    video = VideoOptions(**cfg.video.model_dump())
+    return film_reuse(folder, world, nominal, agents, found.episodes, found.reuse, video)
 
 
 def _nominal_sets(cfg: EvaluateChainsConfig, world: World, nominal: Sequence[Option]) -> Nominal:

@@ -7,6 +7,7 @@ from numpy.testing import assert_array_equal
 
 from p2l.evaluation.chain_reuse import Known, last_decisions, nominal_sets, of_rows, reuse_rows
 from p2l.evaluation.chain_reuse_figure import figure_5_9, novel_starts
+from p2l.evaluation.chain_reuse_video import Novel, most_novel
 from p2l.evaluation.chain_strategies import strategies_5, strategy
 from p2l.evaluation.thesis import load_thesis
 from p2l.recoveries.chaining.agent import Agent
@@ -49,6 +50,14 @@ def test_the_last_decision_is_taken_where_the_one_before_has_led(push, failures)
     ends = [rows for rows in kept if rows.actions[0] == one.actions[0] + 2]
     assert_array_equal(moment.states, ends[0].states)
     assert at_once.actions[0, 0] == ALIGN
+
+
+def test_the_most_novel_start_is_the_farthest_that_paid():
+    rows = {"learner": "rc", "seed": [0, 0, 1, 1], "option": ["push", "align", "push", ""]}
+    reuse = pd.DataFrame({**rows, "success": [True, False, True, True], "off_begun": [1.5, 9.0, 2.5, np.nan]})
+    assert most_novel(reuse) == Novel("rc", 1, 0, "push", 2.5)
+    assert most_novel(reuse.assign(off_begun=1.0)) is None
+    assert most_novel(reuse.iloc[:0]) is None
 
 
 def test_states_are_outside_beyond_what_nominal_runs_leave_between_each_other():

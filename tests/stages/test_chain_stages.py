@@ -159,6 +159,12 @@ def test_every_learner_meets_the_same_nominal_runs_and_failures(learnt, tmp_path
     assert elsewhere[["method", "n"]].to_numpy().tolist() == [["rc", 3], ["rc", 3]]
 
     # Another machine has the records alone: nothing is run, and the results are the same.
+    # The video of a start outside nominal ones, where there is one, and something to draw with.
+    index = load_json(tmp_path / "a" / "videos" / "videos.json", schema="videos", version=1)
+    films = [path.name for path in (tmp_path / "a" / "videos").glob("*.mp4")]
+    assert films == [one["file"] for one in index["videos"]]
+    assert bool(films) != bool(index["skipped"])
+
     changed = {path: path.stat().st_mtime_ns for path in (tmp_path / "records").iterdir()}
     assert len(changed) == 4
     evaluate(learnt, tmp_path / "b", records=str(tmp_path / "records"), transfer=moved(noisy={"sigma_m": 0.05}))
@@ -215,6 +221,8 @@ def test_a_policy_of_another_variant_is_refused_before_anything_is_run(learnt, t
 
 
 def test_what_cannot_be_learnt_from_is_refused(found, tmp_path):
+    with pytest.raises(ArtifactError, match=r"no failures of 'push' have been recorded.*dvc repro discover@push"):
+        run("chain_recoveries", tmp_path, failures=str(tmp_path / "none" / "failures_train.npz"))
     with pytest.raises(ArtifactError, match="expected those of 'door'"):
         learn(found, tmp_path, world={"name": "door", "params": {}})
     with pytest.raises(ConfigError, match="less than one round of 24 decisions of 10 control steps; give at least 240"):

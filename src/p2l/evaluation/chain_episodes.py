@@ -101,8 +101,13 @@ def nominal_episodes(
     book: Book, world: World, nominal: Sequence[Option], seed: int, episodes: int
 ) -> tuple[Rows, Execution]:
     """The start states of a seed's episodes, and what the nominal chain does from them; the same for every learner."""
-    starts = world.sample(generator(seed, "evaluate_chains", world.name, "starts"), episodes)
+    starts = start_states(world, seed, episodes)
     return starts, nominal_part(world, nominal, starts, slots=book.slots)
+
+
+def start_states(world: World, seed: int, episodes: int) -> Rows:
+    """[episodes] where a seed's episodes start."""
+    return world.sample(generator(seed, "evaluate_chains", world.name, "starts"), episodes)
 
 
 def _columns(rows: pd.DataFrame) -> dict[str, list[Any]]:

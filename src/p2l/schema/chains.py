@@ -9,7 +9,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from p2l.recoveries.chaining.learners import known_learners
 from p2l.schema.base import Count, NotNegative, Positive, Probability, Section
-from p2l.schema.recovery import WorldStageConfig
+from p2l.schema.recovery import VideoConfig, WorldStageConfig
 
 
 def known_learner(name: str) -> str:
@@ -160,6 +160,8 @@ class EvaluateChainsConfig(WorldStageConfig):
     transfer: TransferConfig
     reuse: ReuseConfig
     ablation: AblationConfig
+    videos: bool
+    video: VideoConfig
 
     @property
     def method(self) -> str:

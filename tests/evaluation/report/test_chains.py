@@ -4,14 +4,17 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from p2l.artifacts import save_json
 from p2l.errors import ArtifactError
 from p2l.evaluation.chain_ablation import ablation_5
 from p2l.evaluation.chain_reuse_figure import figure_5_9
+from p2l.evaluation.chain_reuse_video import NONE
 from p2l.evaluation.chain_strategies import strategies_5
 from p2l.evaluation.chain_tables import Learning, figure_5_5, figure_5_8, steps_to_thesis, table_5_1
 from p2l.evaluation.chain_transfer import table_5_2
+from p2l.evaluation.failure_videos import skip
 from p2l.evaluation.report import chain_reuse, chains
-from p2l.evaluation.report.page import Picture, Reading, render
+from p2l.evaluation.report.page import Films, Picture, Reading, render
 from p2l.evaluation.report.sources import Sources
 from p2l.evaluation.thesis import load_thesis
 
@@ -65,6 +68,13 @@ def made(tmp_path_factory):
         folder.mkdir(parents=True)
         for name, table in tables(world, recovered, thesis).items():
             table.to_csv(folder / f"{name}.csv", index=False)
+        (folder / "videos").mkdir()
+        if world == WORLDS[0]:
+            (folder / "videos" / "reuse.mp4").write_bytes(b"a film")
+            shown = [{"file": "reuse.mp4", "option": "place", "told": "recovered: from place"}]
+            save_json(folder / "videos" / "videos.json", {"videos": shown, "skipped": None}, schema="videos", version=1)
+        else:
+            skip(folder / "videos", NONE)
     acted = episodes("rc", 22).assign(actions="move +z;from place")
     (data / "evaluate_chains" / "shelf_ablation").mkdir()
     ablated = ablation_5("shelf", {"as_given": acted, "double": acted}, thesis)
@@ -113,6 +123,11 @@ def test_novel_starts_strategies_and_the_ablation_are_told(made):
     assert novel.agrees == "yes"
     assert "pick_place: 25.0 [14.2, 40.2] % of 40 starts are outside, of which 100.0" in novel.ours
     assert [part.name for part in section.parts if isinstance(part, Picture)] == ["figure_5_9", "figure_5_9_shelf"]
+    [film] = [part for part in section.parts if isinstance(part, Films)]
+    assert film.shown == [
+        ("pick_place reuse", b"a film", "pick_place, the most novel start that paid: recovered: from place")
+    ]
+    assert f"shelf: no video, {NONE}." in section.parts
     [sheet] = chain_reuse.recovery_strategies(made).sheets
     assert sheet.rows[0][1:4] == ["pick place, turn", "share", "1.00 [0.91, 1.00]"]
     [sheet] = chain_reuse.ablation_5(made).sheets

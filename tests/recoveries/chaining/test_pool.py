@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from p2l.errors import ConfigError
+from p2l.errors import ConfigError, ShapeError
 from p2l.recoveries.chaining.mdp import Limits
 from p2l.recoveries.chaining.pool import Pool
 from p2l.skills import chain
+from p2l.skills.follow import Follow, Waypoints
 from p2l.skills.primitives import PRIMITIVES, STEPS
 from p2l.skills.runner import Reason, Runner
 from p2l.worlds.world import NO_FAILURE
@@ -134,6 +135,42 @@ def test_history_is_newest_first_and_starts_over(world, failures):
     told = made.poll()
     assert told.over[0]
     assert_array_equal(told.next_observation[0, :width], told.next_observation[0, 2 * width :])
+
+
+def test_an_option_that_never_ends_is_bounded_and_counted(world, failures):
+    class Endless(Follow):
+        def decide(self, seen, memory, step):
+            decision = super().decide(seen, memory, step)
+            return type(decision)(decision.command, decision.memory, np.zeros(len(seen), dtype=np.bool_))
+
+    def here(seen):
+        return Waypoints(seen["target_pos_m"][:, None], seen["target_quat"][:, None], np.zeros((len(seen), 1)))
+
+    still = Endless("endless", here, (5,), (0,), lambda truth: np.ones(len(truth), dtype=np.bool_))
+    made = Pool(world, (still,), PRIMITIVES, lambda n: failures.take(np.zeros(n, dtype=np.int64)), 1)
+    for number in (1, 2):
+        made.act(np.array([0]), np.array([ALIGN]))
+        told = made.poll()
+        assert (told.over[0], told.reward[0]) == (True, 0.0)
+        assert (made.timeouts, made.control_steps) == (number, number * still.max_steps)
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf])
+def test_a_reward_that_is_not_finite_is_refused(world, failures, bad):
+    def judge(played):
+        return np.full(len(played.done), bad), played.done
+
+    made = Pool(world, options(world), PRIMITIVES, lambda n: failures.take(np.arange(n)), 1, judge=judge)
+    made.act(np.array([0]), np.array([4]))
+    with pytest.raises(ShapeError, match="the reward of a decision is NaN or infinite"):
+        made.poll()
+
+
+def test_an_observation_that_is_not_finite_is_refused(world, failures):
+    broken = failures.take([0])
+    broken.noise[:] = np.nan
+    with pytest.raises(ShapeError, match="the observation holds NaN or infinity in block"):
+        Pool(world, options(world), PRIMITIVES, lambda n: broken.take(np.zeros(n, dtype=np.int64)), 1)
 
 
 def test_misuse_is_refused(world, failures):

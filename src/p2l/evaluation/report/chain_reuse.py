@@ -9,7 +9,7 @@ import pandas as pd
 from p2l.evaluation.chain_reuse_figure import ANY, novel_starts
 from p2l.evaluation.report.chain_readings import percent
 from p2l.evaluation.report.chain_views import CHAPTER, STAGE, commands, left_out, sheet, stacked
-from p2l.evaluation.report.page import Agreement, Part, Picture, Reading, Section
+from p2l.evaluation.report.page import Agreement, Films, Part, Picture, Reading, Section
 from p2l.evaluation.report.sources import Sources
 from p2l.evaluation.style import png
 
@@ -49,6 +49,11 @@ def figure_5_9(sources: Sources) -> Section:
         if table["setting"].str.startswith(f"world={world};").any():
             name = "figure_5_9" if place == 0 else f"figure_5_9_{world}"
             parts.append(Picture(name, png(novel_starts(table, world, MAIN)), f"{world}; 95 % Wilson intervals."))
+        films, skipped = sources.videos(world, STAGE)
+        shown = [
+            (f"{world} reuse", mp4, f"{world}, the most novel start that paid: {one['told']}") for one, mp4 in films
+        ]
+        parts.append(Films(shown) if shown else f"{world}: no video, {skipped}.")
     rows = table[table["metric"].str.endswith("_visited") & (table["n"] > 0)]
     parts.append(
         sheet("figure_5_9", rows, table, "Against the states in which an option is at work; others in the file.")
