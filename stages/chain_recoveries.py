@@ -55,7 +55,7 @@ def _compare(cfg: ChainRecoveriesConfig, failures: Failures, out: Path, track: T
     """Every learner with every seed, seed by seed, so that an interruption leaves whole comparisons."""
     records = cfg.records or out / "records"
     # Committed records outlive harmless edits (`record.VERSION` marks the others); a run's own do not.
-    code = "" if cfg.records else code_digest("sim", "worlds", "skills", "recoveries")
+    code = "" if cfg.records else code_digest("sim", "worlds", "skills", "failures", "preconditions", "recoveries")
     found: dict[tuple[str, int], Learnt] = {}
     for seed in cfg.seeds:
         for name in cfg.compare:

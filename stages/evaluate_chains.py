@@ -40,7 +40,7 @@ def run(cfg: EvaluateChainsConfig, out: Path, track: Tracker) -> None:
     agents = {seed: _agents(cfg, seed, cfg.learners, world, nominal) for seed in cfg.seeds}
     runs = read_runs(cfg.learnt, cfg.learners, cfg.seeds)
     # Committed records outlive harmless edits (the modules' VERSION marks the others); a run's own do not.
-    code = "" if cfg.records else code_digest("sim", "worlds", "skills", "recoveries")
+    code = "" if cfg.records else code_digest("sim", "worlds", "skills", "failures", "preconditions", "recoveries")
     book = Book(cfg.records or out / "records", code, cfg.item, cfg.slots)
     episodes, transfers, reuse = [], [], []
     known = cache(partial(_nominal_sets, cfg, world, nominal))

@@ -36,7 +36,7 @@ def run(cfg: EvaluateRecoveriesConfig, out: Path, track: Tracker) -> None:
     }
     rounds = read_rounds(cfg.learnt / "rounds.csv", cfg.seeds)
     # Committed records outlive harmless edits (`recovery_episodes.VERSION` marks the others); a run's own do not.
-    code = "" if cfg.records else code_digest("sim", "worlds", "skills", "recoveries")
+    code = "" if cfg.records else code_digest("sim", "worlds", "skills", "failures", "preconditions", "recoveries")
     book = Book(cfg.records or out / "records", code, cfg.seed, cfg.max_options)
     tables = []
     with ExitStack() as stack:

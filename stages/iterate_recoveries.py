@@ -38,7 +38,7 @@ def run(cfg: IterateRecoveriesConfig, out: Path, track: Tracker) -> None:
     task = Task(world, get_symbols(world.name, world), setting.task.preconditions)
     field = Field(task, get_options(world.name, world), cfg.max_options, cfg.slots)
     origin = load_failures(cfg.failures, "train").origin
-    code = "" if cfg.records else code_digest("sim", "worlds", "skills", "recoveries")
+    code = "" if cfg.records else code_digest("sim", "worlds", "skills", "failures", "preconditions", "recoveries")
     rows: list[dict[str, Any]] = []
     with counter(f"iterate {cfg.item}", "round", cfg.failure_rounds * cfg.rounds * len(cfg.seeds)) as show:
         for seed in cfg.seeds:

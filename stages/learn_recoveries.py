@@ -33,7 +33,7 @@ def run(cfg: LearnRecoveriesConfig, out: Path, track: Tracker) -> None:
     for chooser in choosers.values():
         check_budget(setting.graph, chooser, cfg.rounds, cfg.episodes)
     # Committed ledgers outlive harmless edits; a run's own do not.
-    code = "" if cfg.records else code_digest("sim", "worlds", "skills", "recoveries")
+    code = "" if cfg.records else code_digest("sim", "worlds", "skills", "failures", "preconditions", "recoveries")
     histories: dict[tuple[int, str], History] = {}
     with counter(f"learn {cfg.item}", "round", cfg.rounds * len(choosers) * len(cfg.seeds)) as show:
         for seed in cfg.seeds:

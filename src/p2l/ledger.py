@@ -52,8 +52,9 @@ def find(folder: Path, item: Item) -> dict[str, Any] | None:
 
 
 def code_digest(*rooms: str) -> str:
-    """Hash of the source files of some rooms of p2l, for items that any change of the code must run again."""
-    files = sorted(file for room in rooms for file in (Path(__file__).parent / room).rglob("*.py"))
+    """Hash of some rooms' source files, and of p2l's own beside them, for items that any change must run again."""
+    here = Path(__file__).parent
+    files = sorted({*here.glob("*.py"), *(file for room in rooms for file in (here / room).rglob("*.py"))})
     return config_hash([file.read_text(encoding="utf-8") for file in files])
 
 
