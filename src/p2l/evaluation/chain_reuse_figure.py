@@ -17,6 +17,7 @@ TABLE = "figure_5_9"
 ANY = "any"
 SETS = ("visited", "begun")  # of nominal states, see `chain_reuse`
 OUTSIDE, INSIDE = "#D55E00", "#0072B2"
+COUNTS_AT = 1.04  # beside the axis of shares, where no interval is
 NAMES = {"outside_visited": "where it is at work", "outside_begun": "where it begins"}
 
 
@@ -67,13 +68,14 @@ def novel_starts(table: pd.DataFrame, world: str, learner: str = "rc") -> Figure
         ("pays_inside_visited", "inside", INSIDE, -0.12),
     ):
         _points(right, mine[mine["metric"] == metric], options, shift, colour, label)
-    left.set(xlabel="share of starts outside the states …", xlim=(-0.02, 1.02))
+    left.set(xlabel="share of starts outside the states …", xlim=(-0.02, 1.16))
     left.set_yticks(range(len(options)), [f"{option.replace('_', ' ')}" for option in options])
     left.set_ylim(len(options) - 0.5, -0.5)
-    right.set(xlabel="share of starts that end with the task done", xlim=(-0.02, 1.02))
+    right.set(xlabel="share of starts that end with the task done", xlim=(-0.02, 1.16))
     figure.suptitle(f"{world.replace('_', ' ')}: nominal options started by recoveries", fontsize=11)
     for axes in (left, right):
         plain(axes)
+        axes.set_xticks(np.linspace(0.0, 1.0, 6))
         if options:
             axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.22), ncols=2, frameon=False, fontsize=8)
     return figure
@@ -85,8 +87,8 @@ def _points(axes: Axes, rows: pd.DataFrame, options: list[str], shift: float, co
     places = np.array([options.index(option) for option in rows["option"]], dtype=float) + shift
     mean, low, high = (rows[name].to_numpy(dtype=float) for name in ("mean", "low", "high"))
     axes.errorbar(mean, places, xerr=[mean - low, high - mean], fmt="o", color=colour, capsize=3, ms=5, label=label)
-    for place, end, count in zip(places, high, rows["n"], strict=True):
-        axes.annotate(f"n={count}", (min(end, 0.9), place), xytext=(4, 4), textcoords="offset points", fontsize=7)
+    for place, count in zip(places, rows["n"], strict=True):
+        axes.annotate(f"n={count}", (COUNTS_AT, place), color=colour, fontsize=7, va="center")
 
 
 def _rate(method: str, setting: str, metric: str, hits: BoolArray) -> Row:
