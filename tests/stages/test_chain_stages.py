@@ -158,13 +158,13 @@ def test_every_learner_meets_the_same_nominal_runs_and_failures(learnt, tmp_path
     assert elsewhere["setting"].tolist() == ["world=push;variant=noisy", "world=push;variant=noisy;seed=0"]
     assert elsewhere[["method", "n"]].to_numpy().tolist() == [["rc", 3], ["rc", 3]]
 
-    # Another machine has the records alone: nothing is run, and the results are the same.
     # The video of a start outside nominal ones, where there is one, and something to draw with.
     index = load_json(tmp_path / "a" / "videos" / "videos.json", schema="videos", version=1)
     films = [path.name for path in (tmp_path / "a" / "videos").glob("*.mp4")]
     assert films == [one["file"] for one in index["videos"]]
     assert bool(films) != bool(index["skipped"])
 
+    # Another machine has the records alone: nothing is run, and the results are the same.
     changed = {path: path.stat().st_mtime_ns for path in (tmp_path / "records").iterdir()}
     assert len(changed) == 4
     evaluate(learnt, tmp_path / "b", records=str(tmp_path / "records"), transfer=moved(noisy={"sigma_m": 0.05}))
