@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
+from p2l.recoveries.chaining import revisit
 from p2l.recoveries.chaining.learner import Task
 from p2l.recoveries.chaining.learners import make_learner
 from p2l.recoveries.chaining.mdp import Limits
 from p2l.recoveries.chaining.pool import Pool
-from p2l.recoveries.chaining.revisit import CAPACITY, ENOUGH, RECENT, Moments, Revisits
+from p2l.recoveries.chaining.revisit import ENOUGH, MANY, RECENT, Moments, Revisits
 from p2l.skills.primitives import PRIMITIVES, STEPS
 
 ALIGN = len(PRIMITIVES)
@@ -19,7 +20,13 @@ YES, NO = np.array([True]), np.array([False])
 
 
 @pytest.fixture
-def made(world, nominal, failures):
+def few(monkeypatch):
+    """One failure with a way is as good as many."""
+    monkeypatch.setattr(revisit, "MANY", 1)
+
+
+@pytest.fixture
+def made(few, world, nominal, failures):
     """One slot; a success is gone back to as often as may be."""
     limits = Limits(decisions=9, primitive_steps=3 * STEPS, history=2)
     given = iter(range(10_000))
@@ -104,117 +111,136 @@ def test_a_reset_starts_at_failures(made):
     assert made.poll().fresh[0]
 
 
-def moments(world, decisions, tag=0.0):
-    """At decision numbers [K]; their state says which they are."""
+def moments(world, decisions, failure, tag=0.0):
+    """At decision numbers [K] of an episode from `failure`; the state's columns say which they are, and whose."""
     decisions = np.asarray(decisions)
     none = np.zeros(len(decisions), dtype=np.int64)
     rows = world.sample(np.random.default_rng(0), 1).take(none)
-    return Moments(rows, decisions[:, None] + tag, decisions, none, none.astype(bool))
+    state = np.stack([decisions.astype(float), none + float(failure), np.where(decisions > 0, tag, 0.0)], axis=1)
+    return Moments(rows, state, decisions, none, none.astype(bool))
 
 
-def paid_once(world, made, tag):
-    """A way of two decisions, whose moments' states are `tag` and `tag + 1`."""
+def play(world, made, failure, decisions, paid=YES, tag=0.0, **told):
+    """An episode in slot 0 that starts at `failure` and takes so many decisions."""
     made.forget(FIRST)
-    for decision in range(2):
-        made.passing(FIRST, moments(world, [decision], tag))
-    made.ended(FIRST, YES)
+    for decision in range(decisions):
+        made.passing(FIRST, moments(world, [decision], failure, tag))
+    made.ended(FIRST, paid, **told)
+    made._recent[:] = 0.0
 
 
-def filled(world, slots):
-    """Every place is taken: the moment in place p has state p."""
-    made = Revisits(1.0, slots, 2, np.random.default_rng(0))
-    for tag in range(0, CAPACITY, 2):
-        paid_once(world, made, float(tag))
-    return made
+def again(made, slots=FIRST):
+    """The state at the moment of the next episode that goes back, in the first of `slots`."""
+    while True:
+        back, kept = made.begin(slots)
+        if len(back):
+            return kept.state[0]
 
 
-def test_only_whole_ways_that_were_paid_are_kept(world):
-    made = Revisits(1.0, 2, 3, np.random.default_rng(0))
-    for decision in range(3):
-        made.passing(BOTH, moments(world, [decision, decision], 0.25))
-    made.ended(BOTH, np.array([False, False]))
-    assert made.begin(BOTH)[1] is None
-    made.passing(FIRST, moments(world, [0], 0.5))
-    made.passing(SECOND, moments(world, [0], 0.75))
-    made.passing(FIRST, moments(world, [1], 0.5))
-    made.ended(BOTH, np.array([True, False]))
+@pytest.fixture
+def one(few):
+    """One slot, all of whose episodes go back if they can."""
+    return Revisits(1.0, 1, 4, np.random.default_rng(0))
+
+
+def test_only_whole_ways_that_were_paid_are_kept(world, one):
+    play(world, one, 1, 3, NO)
+    assert one.begin(FIRST)[1] is None
+    play(world, one, 2, 2)
     found = set()
     for _ in range(40):
-        made._recent[:] = 0.0
-        back, kept = made.begin(FIRST)
-        if len(back):
-            found.add(float(kept.state[0, 0]))
-            made.passing(back, moments(world, [2], 0.125))
-            made.ended(back, kept.decisions == 1)  # well, but not from the failure on
-    assert found == {0.5, 1.5}
+        number, failure, _ = again(one)
+        found.add((number, failure))
+        one.passing(FIRST, moments(world, [2], failure))
+        one.ended(FIRST, np.array([number == 1]))  # well, but not from the failure on
+    assert found == {(0, 2), (1, 2)}
 
 
-def test_a_single_decision_leaves_nothing_to_go_back_to(world):
-    made = Revisits(1.0, 1, 2, np.random.default_rng(0))
-    made.passing(FIRST, moments(world, [0]))
-    made.ended(FIRST, YES)
-    assert made.begin(FIRST)[1] is None
+def test_a_single_decision_leaves_nothing_to_go_back_to(world, one):
+    play(world, one, 1, 3)
+    play(world, one, 1, 1)
+    assert one.begin(FIRST)[1] is None
+    play(world, one, 1, 2)
+    assert one.begin(FIRST)[1] is None, "the failure is known to be easy"
 
 
-def test_moments_that_pay_most_often_make_room(world):
-    made, often = filled(world, 1), [7, 30]
-    made._success[[*often, 8]] = 0.9, 0.8, 0.1
-    before = made._success.copy()
-    paid_once(world, made, 1000.0)
-    assert_array_equal(np.flatnonzero(made._success != before), often)
-    assert_array_equal(made._kept.state[often, 0], [1000.0, 1001.0])
+def test_a_shorter_way_takes_the_place_of_a_longer_one(world, one):
+    for decisions, tag in ((3, 0.25), (2, 0.5), (2, 0.75), (4, 0.875)):
+        play(world, one, 1, decisions, tag=tag)
+    found = {tuple(again(one)) for _ in range(40)}
+    assert found == {(0, 1, 0), (1, 1, 0.5)}
 
 
-def test_moments_that_sometimes_pay_are_preferred(world):
-    made = Revisits(1.0, 1, 2, np.random.default_rng(0))
-    for tag in (0.0, 2.0):
-        paid_once(world, made, tag)
-    made._recent[:] = 0.0
-    made._success[:4] = 0.02, 0.5, 0.98, np.inf
-    counts = np.zeros(3)
-    for _ in range(600):
-        counts[int(made.begin(FIRST)[1].state[0, 0])] += 1
+def test_every_failure_has_its_own_way_however_often_it_was_paid(world, one):
+    for _ in range(20):
+        play(world, one, 1, 2)
+    play(world, one, 2, 2)
+    for failure in one._failures.values():
+        failure.solved = 0.0
+    counts = np.bincount([int(again(one)[1]) for _ in range(400)], minlength=3)
+    assert counts[2] == pytest.approx(200, abs=50)
+
+
+def test_failures_whose_recovery_succeeds_are_left_alone(world, one):
+    for failure in (1, 2):
+        play(world, one, failure, 2)
+    for _ in range(20):
+        play(world, one, 1, 2)
+        play(world, one, 2, 2, NO)
+    counts = np.bincount([int(again(one)[1]) for _ in range(400)], minlength=3)
+    assert 0 < counts[1] < 20
+
+
+def test_moments_that_sometimes_pay_are_preferred(world, one):
+    play(world, one, 1, 3)
+    next(iter(one._failures.values())).way.success[:] = 0.02, 0.5, 0.98
+    counts = np.bincount([int(again(one)[0]) for _ in range(600)], minlength=3)
     assert counts[1] > 3 * max(counts[0], counts[2]) > 0
 
 
-def test_the_moment_of_an_episode_under_way_may_be_overwritten(world):
-    made = filled(world, 2)
-    made._recent[:] = 0.0
-    back, kept = made.begin(SECOND)
-    place = int(kept.state[0, 0])
-    made._success[place] = 0.99
-    paid_once(world, made, 1000.0)
-    assert made._kept.state[place, 0] == 1000.0
-    assert not made.fresh[back].any()
-    made.ended(SECOND, NO)
-    assert made._success[place] == 0.5, "what came of the old moment says nothing about the new one"
-
-
-def test_every_episode_from_a_moment_counts(world):
+def test_a_moment_learns_from_every_episode_and_a_failure_only_from_its_own(world, few):
     made = Revisits(1.0, 2, 2, np.random.default_rng(0))
-    paid_once(world, made, 0.0)
-    made._success[1] = np.inf  # one place is left to go back to
-    made._recent[:] = 0.0
-    while len(made.begin(BOTH)[0]) < 2:
-        pass
+    play(world, made, 1, 2)
+    way = next(iter(made._failures.values())).way
+    made._episodes = [replace(episode, way=way, moment=0) for episode in made._episodes]
+    assert not made.fresh.any()
     made.ended(BOTH, np.array([True, False]))
-    assert made._success[0] == pytest.approx((0.5 + 0.3 * 0.5) * 0.7)
+    assert way.success[0] == pytest.approx((0.5 + 0.3 * 0.5) * 0.7)
+    assert next(iter(made._failures.values())).solved == pytest.approx(0.3)
 
 
-def test_a_moment_learns_from_pay_that_was_not_simulated(world):
-    made = filled(world, 1)
-    made._recent[:] = 0.0
-    _, kept = made.begin(FIRST)
-    made.ended(FIRST, YES, simulated=False)
-    assert made._success[int(kept.state[0, 0])] == pytest.approx(0.5 + 0.3 * 0.5)
+def test_pay_that_was_not_simulated_counts_but_leaves_no_way(world, one):
+    play(world, one, 1, 2, simulated=False)
+    (failure,) = one._failures.values()
+    assert failure.solved == pytest.approx(0.3)
+    assert one.begin(FIRST)[1] is None
+    play(world, one, 1, 2)
+    moment = int(again(one)[0])
+    one.ended(FIRST, YES, simulated=False)
+    assert failure.way.success[moment] == pytest.approx(0.5 + 0.3 * 0.5)
 
 
-@pytest.mark.parametrize(("recent", "share"), [(0.0, 1.0), (ENOUGH / 2, 0.5), (ENOUGH, 0.0), (1.0, 0.0)])
-def test_what_is_learnt_ends_going_back(world, recent, share):
-    made = filled(world, 1)
-    made._recent[: round(recent * RECENT)], made._recent[round(recent * RECENT) :] = 1.0, 0.0
+def test_an_episode_under_way_outlives_its_way(world, few):
+    made = Revisits(1.0, 2, 3, np.random.default_rng(0))
+    play(world, made, 1, 3)
+    again(made, SECOND)
+    play(world, made, 1, 2)
+    assert not made.fresh[1]
+    made.ended(SECOND, NO)
+    (failure,) = made._failures.values()
+    assert_array_equal(failure.way.success, [0.5, 0.5])  # what came of the old way says nothing about the new one
+
+
+@pytest.mark.parametrize(("recent", "left"), [(0.0, 1.0), (ENOUGH / 2, 0.5), (ENOUGH, 0.0), (1.0, 0.0)])
+@pytest.mark.parametrize("ways", [0, 1, MANY // 2, MANY, 2 * MANY])
+def test_the_share_grows_with_ways_and_falls_with_success(world, recent, left, ways):
+    made = Revisits(0.5, 1, 2, np.random.default_rng(0))
+    for failure in range(ways):
+        play(world, made, failure, 2)
+    made._ended, made._recent[: round(recent * RECENT)] = RECENT, 1.0
+    assert made.share == pytest.approx(0.5 * left * min(1.0, ways / MANY))
     back = sum(len(made.begin(FIRST)[0]) for _ in range(400))
-    assert back == pytest.approx(400 * share, abs=50)
+    assert back == pytest.approx(400 * made.share, abs=50)
 
 
 def test_a_whole_task_is_never_gone_on_with(task: Task):

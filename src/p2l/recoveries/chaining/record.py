@@ -22,7 +22,7 @@ from p2l.recoveries.chaining.checkpoint import Progress
 from p2l.recoveries.chaining.policy import FILE, load_policy
 from p2l.recoveries.chaining.train import summary
 
-VERSION = 2  # raise it when an edit of the code changes what is learnt: committed records know no code
+VERSION = 3  # raise it when an edit of the code changes what is learnt: committed records know no code
 POLICIES = "policies"
 DIGITS = 6  # of the numbers in a record
 
