@@ -11,7 +11,7 @@ import pandas as pd
 from p2l.artifacts import atomic, save_json
 from p2l.errors import ArtifactError
 from p2l.failures.record import Failures, check_params, load_failures, open_world
-from p2l.ledger import code_digest
+from p2l.ledger import RECOVERING, code_digest
 from p2l.recoveries.chaining.checkpoint import drop_checkpoint
 from p2l.recoveries.chaining.learner import Task
 from p2l.recoveries.chaining.learners import make_learner
@@ -55,7 +55,7 @@ def _compare(cfg: ChainRecoveriesConfig, failures: Failures, out: Path, track: T
     """Every learner with every seed, seed by seed, so that an interruption leaves whole comparisons."""
     records = cfg.records or out / "records"
     # Committed records outlive harmless edits (`record.VERSION` marks the others); a run's own do not.
-    code = "" if cfg.records else code_digest("sim", "worlds", "skills", "failures", "preconditions", "recoveries")
+    code = "" if cfg.records else code_digest(*RECOVERING)
     found: dict[tuple[str, int], Learnt] = {}
     for seed in cfg.seeds:
         for name in cfg.compare:

@@ -18,7 +18,7 @@ from p2l.evaluation.chain_reuse_video import film_reuse
 from p2l.evaluation.chain_transfer import Variant, transfer_of_seed
 from p2l.evaluation.failure_videos import skip
 from p2l.evaluation.videos import VideoOptions
-from p2l.ledger import code_digest
+from p2l.ledger import RECOVERING, code_digest
 from p2l.recoveries.chaining.agent import load_agent
 from p2l.registry import get_options, get_world
 from p2l.schema import EvaluateChainsConfig
@@ -40,7 +40,7 @@ def run(cfg: EvaluateChainsConfig, out: Path, track: Tracker) -> None:
     agents = {seed: _agents(cfg, seed, cfg.learners, world, nominal) for seed in cfg.seeds}
     runs = read_runs(cfg.learnt, cfg.learners, cfg.seeds)
     # Committed records outlive harmless edits (the modules' VERSION marks the others); a run's own do not.
-    code = "" if cfg.records else code_digest("sim", "worlds", "skills", "failures", "preconditions", "recoveries")
+    code = "" if cfg.records else code_digest(*RECOVERING)
     book = Book(cfg.records or out / "records", code, cfg.item, cfg.slots)
     episodes, transfers, reuse = [], [], []
     known = cache(partial(_nominal_sets, cfg, world, nominal))

@@ -13,7 +13,7 @@ from p2l.artifacts import save_table
 from p2l.evaluation.recovery_episodes import Book, gather
 from p2l.evaluation.recovery_outcome import Evaluated, evaluation_report, read_rounds
 from p2l.failures.classifier import load_modes
-from p2l.ledger import code_digest
+from p2l.ledger import RECOVERING, code_digest
 from p2l.preconditions.chained import load_preconditions
 from p2l.recoveries.record import Recoveries, load_recoveries
 from p2l.registry import get_world
@@ -36,7 +36,7 @@ def run(cfg: EvaluateRecoveriesConfig, out: Path, track: Tracker) -> None:
     }
     rounds = read_rounds(cfg.learnt / "rounds.csv", cfg.seeds)
     # Committed records outlive harmless edits (`recovery_episodes.VERSION` marks the others); a run's own do not.
-    code = "" if cfg.records else code_digest("sim", "worlds", "skills", "failures", "preconditions", "recoveries")
+    code = "" if cfg.records else code_digest(*RECOVERING)
     book = Book(cfg.records or out / "records", code, cfg.seed, cfg.max_options)
     tables = []
     with ExitStack() as stack:

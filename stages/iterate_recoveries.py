@@ -11,7 +11,7 @@ from p2l.artifacts import atomic, save_json
 from p2l.evaluation.recovery_iterations import ALL, success_figure, success_table
 from p2l.evaluation.style import png
 from p2l.failures.record import load_failures
-from p2l.ledger import code_digest
+from p2l.ledger import RECOVERING, code_digest
 from p2l.recoveries.failure_rounds import Budget, Iteration
 from p2l.recoveries.iterate import Field
 from p2l.recoveries.metareskill.choose import get_chooser
@@ -38,7 +38,7 @@ def run(cfg: IterateRecoveriesConfig, out: Path, track: Tracker) -> None:
     task = Task(world, get_symbols(world.name, world), setting.task.preconditions)
     field = Field(task, get_options(world.name, world), cfg.max_options, cfg.slots)
     origin = load_failures(cfg.failures, "train").origin
-    code = "" if cfg.records else code_digest("sim", "worlds", "skills", "failures", "preconditions", "recoveries")
+    code = "" if cfg.records else code_digest(*RECOVERING)
     rows: list[dict[str, Any]] = []
     with counter(f"iterate {cfg.item}", "round", cfg.failure_rounds * cfg.rounds * len(cfg.seeds)) as show:
         for seed in cfg.seeds:

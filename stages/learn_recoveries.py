@@ -8,7 +8,7 @@ from pathlib import Path
 
 from p2l.artifacts import save_arrays
 from p2l.evaluation.recovery_report import learning_report
-from p2l.ledger import code_digest
+from p2l.ledger import RECOVERING, code_digest
 from p2l.recoveries.learn import Setting, record_history, train_recoveries
 from p2l.recoveries.metareskill.choose import Chooser, get_chooser
 from p2l.recoveries.metareskill.history import History
@@ -33,7 +33,7 @@ def run(cfg: LearnRecoveriesConfig, out: Path, track: Tracker) -> None:
     for chooser in choosers.values():
         check_budget(setting.graph, chooser, cfg.rounds, cfg.episodes)
     # Committed ledgers outlive harmless edits; a run's own do not.
-    code = "" if cfg.records else code_digest("sim", "worlds", "skills", "failures", "preconditions", "recoveries")
+    code = "" if cfg.records else code_digest(*RECOVERING)
     histories: dict[tuple[int, str], History] = {}
     with counter(f"learn {cfg.item}", "round", cfg.rounds * len(choosers) * len(cfg.seeds)) as show:
         for seed in cfg.seeds:

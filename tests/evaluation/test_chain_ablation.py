@@ -18,10 +18,10 @@ def test_what_hands_over_is_no_primitive():
 
 
 def test_without_another_variant_there_is_nothing_to_compare():
-    columns = ["learner", "seed", "nominal", "flagged", "success", "diverged", "actions"]
+    columns = ["learner", "whole_task", "seed", "nominal", "flagged", "success", "diverged", "actions"]
     none = pd.DataFrame(columns=columns)
     assert len(ablation_5("shelf", {OWN: none}, load_thesis("data/thesis", 5))) == 0
-    one = pd.DataFrame([("rc", 0, False, True, True, False, "from pick")], columns=columns)
+    one = pd.DataFrame([("rc", False, 0, False, True, True, False, "from pick")], columns=columns)
     table = ablation_5("shelf", {OWN: one, "double": one}, load_thesis("data/thesis", 5))
     assert table.groupby("metric")["mean"].first().to_dict() == {
         "nominal": 0.0, "success": 1.0, "recovery": 1.0, "primitives": 0.0, "open_loop": 1.0

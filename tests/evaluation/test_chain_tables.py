@@ -25,7 +25,9 @@ def episodes(learner, seed, nominal, flagged, recovered):
         "flagged": ~done,
         "success": np.arange(count) < nominal + recovered,
     }
-    return pd.DataFrame(rows).assign(learner=learner, seed=seed, diverged=False, steps=10, actions="")
+    return pd.DataFrame(rows).assign(
+        learner=learner, whole_task=learner == "rl", seed=seed, diverged=False, steps=10, actions=""
+    )
 
 
 def cell(table, method, metric, setting="world=pick_place"):

@@ -29,7 +29,6 @@ from p2l.skills.option import Option
 from p2l.worlds.world import Rows, World
 
 VERSION = 1  # raise it when an edit of the code changes episodes: committed records know no code
-WHOLE_TASK = ("rl",)  # learners that start where the task does, and take nothing over
 FLAGS = ("nominal", "flagged", "success", "diverged")
 Agents = Mapping[str, tuple[Agent, Policy]]
 
@@ -67,7 +66,9 @@ def episodes_of_seed(
     episodes: int,
     progress: Callable[[int], None] | None = None,
 ) -> pd.DataFrame:
-    """Every learner's episodes, from records or by running them, which leaves records; see `episode_rows`.
+    """Every learner's episodes, from records or by running them, which leaves records.
+
+    Rows are those of `episode_rows`; `whole_task` tells of those that start where the task does, and take nothing over.
 
     Args:
         book: the ledger.
@@ -90,11 +91,12 @@ def episodes_of_seed(
             rows = episode_rows(overall(world, nominal, agent, *plain), policy.card, nominal)
             known = {"episodes": _columns(rows)}
             write(book.records, item, known, seconds=time.perf_counter() - begun)
-        tables.append(_table(known["episodes"]).assign(learner=learner, seed=seed))
+        tables.append(_table(known["episodes"]).assign(learner=learner, seed=seed, whole_task=agent.whole_task))
         if progress is not None:
             progress(1)
     table = pd.concat(tables, ignore_index=True)
-    return table[["learner", "seed", *(name for name in table.columns if name not in ("learner", "seed"))]]
+    first = ["learner", "seed", "whole_task"]
+    return table[[*first, *(name for name in table.columns if name not in first)]]
 
 
 def nominal_episodes(
@@ -153,7 +155,7 @@ def totals(episodes: pd.DataFrame) -> dict[str, dict[str, Any]]:
         "nominal": (sound["nominal"], len(sound)),
         "recovery": (flagged["success"], len(flagged)),
     }
-    if episodes["learner"].isin(WHOLE_TASK).all():
+    if episodes["whole_task"].all():
         del parts["nominal"], parts["recovery"]
     return {name: _rate(int(good.sum()), count) for name, (good, count) in parts.items()}
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
-from p2l.evaluation.chain_episodes import WHOLE_TASK, totals
+from p2l.evaluation.chain_episodes import totals
 from p2l.evaluation.statistics import t_interval
 from p2l.evaluation.tables import COLUMNS, Row
 from p2l.evaluation.thesis import Thesis
@@ -61,7 +61,7 @@ def table_5_1(episodes: Mapping[str, pd.DataFrame], thesis: Thesis) -> pd.DataFr
             rows.append(
                 (str(learner), setting, "success_by_seed", *_limits(seeds.mean, seeds.low, seeds.high), seeds.n)
             )
-        chained = table[~table["learner"].isin(WHOLE_TASK)]
+        chained = table[~table["whole_task"]]
         if len(chained):
             first = chained[chained["learner"] == chained["learner"].iloc[0]]
             rows.append(_of("nominal", setting, "success", totals(first)["nominal"]))
@@ -116,12 +116,13 @@ def steps_to_thesis(table: pd.DataFrame, runs: Mapping[str, Iterable[Learning]],
     rows: list[Row] = []
     for world, learnt in runs.items():
         setting = f"world={world}"
+        recovering = set(table[(table["metric"] == "recovery") & (table["setting"] == setting)]["method"])
         base = table[(table["method"] == "nominal") & (table["setting"] == setting)]
         for learner, own in _by_learner(learnt).items():
             wanted = thesis.value(TABLE, "rc" if learner == "lazy_rc" else learner, setting, "success")
             if wanted is None or not len(base):
                 continue
-            before = 0.0 if learner in WHOLE_TASK else float(base["mean"].iloc[0])
+            before = float(base["mean"].iloc[0]) if learner in recovering else 0.0
             needed = (wanted - before) / max(1.0 - before, 1e-9)
             if needed <= 0.0:
                 continue

@@ -26,7 +26,9 @@ def episodes(learner, recovered, nominal=60, count=100):
     """`nominal` successes, then failures of which the first `recovered` are recovered."""
     place = np.arange(count)
     rows = {"episode": place, "nominal": place < nominal, "flagged": place >= nominal, "diverged": False}
-    return pd.DataFrame({**rows, "success": place < nominal + recovered, "learner": learner, "seed": 0})
+    return pd.DataFrame(
+        {**rows, "success": place < nominal + recovered, "learner": learner, "whole_task": learner == "rl", "seed": 0}
+    )
 
 
 def run(learner, success, chosen):
