@@ -111,16 +111,18 @@ def steps_to_thesis(table: pd.DataFrame, runs: Mapping[str, Iterable[Learning]],
     Overall success during training = nominal + (1 − nominal) · success of an evaluation, nominal being that of
     `table_5_1`; of who does the whole task it is that of the evaluation. Since one of many evaluations is good by luck,
     it must be reached in two in a row, of which the first counts. Runs that never get there count with all their steps,
-    and `reached` says how many do. A learner that the thesis finds no better than the nominal skills has no rows.
+    and `reached` says how many do. A learner that the thesis finds no better than the nominal skills, or that the table
+    lacks, has no rows.
     """
     rows: list[Row] = []
     for world, learnt in runs.items():
         setting = f"world={world}"
-        recovering = set(table[(table["metric"] == "recovery") & (table["setting"] == setting)]["method"])
-        base = table[(table["method"] == "nominal") & (table["setting"] == setting)]
+        here = table[table["setting"] == setting]
+        known, recovering = set(here["method"]), set(here[here["metric"] == "recovery"]["method"])
+        base = here[here["method"] == "nominal"]
         for learner, own in _by_learner(learnt).items():
             wanted = thesis.value(TABLE, "rc" if learner == "lazy_rc" else learner, setting, "success")
-            if wanted is None or not len(base):
+            if wanted is None or not len(base) or learner not in known:
                 continue
             before = float(base["mean"].iloc[0]) if learner in recovering else 0.0
             needed = (wanted - before) / max(1.0 - before, 1e-9)

@@ -243,6 +243,84 @@ def test_the_share_grows_with_ways_and_falls_with_success(world, recent, left, w
     assert back == pytest.approx(400 * made.share, abs=50)
 
 
+def between(world, made, failures, lengths, paid=(True, True)):
+    """Episodes in both slots at once, decision by decision; the last column tells the slot."""
+    made.forget(BOTH)
+    for decision in range(max(lengths)):
+        for slot in np.flatnonzero(np.array(lengths) > decision):
+            made.passing(np.array([slot]), moments(world, [decision], failures[slot], slot + 1.0))
+    made.ended(BOTH, np.array(paid))
+
+
+def test_slots_do_not_mix_their_ways(world, few):
+    made = Revisits(1.0, 2, 4, np.random.default_rng(0))
+    between(world, made, (7, 8), (2, 3))
+    made._recent[:] = 0.0
+    found = set()
+    for _ in range(100):
+        back, kept = made.begin(BOTH)
+        for slot, state, decision in zip(back, kept.state, kept.decisions, strict=True):
+            episode = made._episodes[slot]
+            assert_array_equal(episode.way.moments.state[episode.moment], state)
+            assert state[0] == decision
+            found.add(tuple(state.tolist()))
+    assert found == {(0, 7, 0), (1, 7, 1), (0, 8, 0), (1, 8, 2), (2, 8, 2)}
+
+
+def test_each_episode_gets_the_simulation_of_its_own_moment(world, few):
+    made = Revisits(1.0, 2, 2, np.random.default_rng(0))
+    starts = world.sample(np.random.default_rng(1), 2)
+    for decision in range(2):
+        at = moments(world, [decision, decision], 0, decision)
+        state = at.state + np.array([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+        made.passing(BOTH, replace(at, rows=starts, state=state, muted=np.full(2, decision == 0)))
+    made.ended(BOTH, np.array([True, True]))
+    made._recent[:] = 0.0
+    for _ in range(50):
+        _, kept = made.begin(BOTH)
+        whose = kept.state[:, 1].astype(int)
+        for name, values in kept.rows.arrays().items():
+            assert_array_equal(values, starts.take(whose).arrays()[name])
+        assert_array_equal(kept.muted, kept.decisions == 0)
+
+
+def test_the_share_follows_what_came_of_recorded_failures(world, few):
+    made = Revisits(1.0, 1, 3, np.random.default_rng(0))
+    outcomes = [True, False, False, False]
+    for number, well in enumerate(outcomes):
+        made.forget(FIRST)
+        for decision in range(2):
+            made.passing(FIRST, moments(world, [decision], 1))
+        made.ended(FIRST, np.array([well]), simulated=number == 0)
+        recent = np.mean(outcomes[: number + 1])
+        assert made.share == pytest.approx(max(0.0, 1.0 - recent / ENOUGH))
+    again(made)
+    before = made.share
+    made.ended(FIRST, YES)
+    assert made.share == before, "what comes of going back does not count"
+    made.forget(FIRST)
+    made.passing(FIRST, moments(world, [0], 1))
+    made.ended(FIRST, YES, simulated=False)
+    assert made.share == pytest.approx(1.0 - 2 / 5 / ENOUGH), "pay that was not simulated does"
+    for _ in range(RECENT):
+        play_on(world, made)
+    assert made.share == 1.0, "what is long ago does not"
+
+
+def play_on(world, made):
+    """One more failed episode."""
+    made.forget(FIRST)
+    made.passing(FIRST, moments(world, [0], 1))
+    made.ended(FIRST, NO)
+
+
+def test_a_way_whose_moments_always_pay_can_be_gone_back_to(world, one):
+    play(world, one, 1, 2)
+    (failure,) = one._failures.values()
+    failure.solved, failure.way.success[:] = 1.0, 1.0
+    assert again(one)[1] == 1
+
+
 def test_a_whole_task_is_never_gone_on_with(task: Task):
     learner, rng = make_learner("rc", task, Limits()), np.random.default_rng(0)
     assert learner.pool(task, rng, 2, 0.5)._revisits is not None

@@ -14,7 +14,7 @@ Deviations from the thesis, and readings of it:
 2. Time is counted in control steps, options included, so that methods with long options are charged for them.
 3. A learner may judge decisions in its own way (a learnt precondition, a dense reward), have no nominal options, or
    end an episode unsimulated (`settle`); it is the same MDP otherwise.
-4. Some episodes may go on from moments of earlier successes (`revisit`).
+4. Some episodes may go on from moments of earlier successes instead of a recorded failure (`revisit`).
 
 Axis letters: B slots, K decisions, O observation columns.
 """
@@ -45,7 +45,7 @@ class Pool:
         starts: gives n recorded failures to start from.
         slots: B.
         limits: bounds of an episode.
-        judge: the reward of each decision [K], and whether it ends the episode [K].
+        judge: the reward of each decision [K], and whether it does what the episode is for [K], which ends it.
         revisits: lets episodes go on from moments of earlier successes; none: all start at recorded failures.
 
     Attributes:

@@ -6,14 +6,14 @@ episodes start in the middle of an earlier success, where little is left to do: 
 the one before, back to the failure (as Florensa et al., 2017, and Salimans and Chen, 2018, learn backwards). Of a
 way's moments, those that sometimes lead to pay are preferred to those that always or never do.
 
-One way is kept for each failure, the shortest that was paid, and a failure is gone back to the more often, the less
-its recovery succeeds. Otherwise the failures that are easy to recover from, whose ways are many, hide those that ask
-for several right decisions (half of the cluttered shelf's), and what is learnt is to repeat what is easy. A failure
-that one decision recovers from is not gone back to: nothing of that way is left to do.
+One way is kept for each failure, the shortest that was paid, and of the failures that have one, those whose recovery
+succeeds least are gone back to most often. Otherwise the failures that are easy to recover from, whose ways are many,
+hide those that ask for several right decisions (half of the cluttered shelf's), and what is learnt is to repeat what is
+easy. A failure that one decision recovers from is not gone back to: nothing of that way is left to do.
 
 Where the state tells only part of what matters, what is paid at one failure is seldom paid at others that look alike,
-and too many such episodes teach what luck did. So their share grows with the failures that have a way, up to `MANY`,
-and falls with the recent success from recorded failures, to 0 at `ENOUGH` for PPO to go by.
+and too many such episodes teach what luck did. So their share grows with the failures that can be gone back
+to, up to `MANY`, and falls with the recent success from recorded failures, to 0 at `ENOUGH` for PPO to go by.
 
 1. The thesis starts every episode at a recorded failure. Here, too, only those count in a round's success, and
    evaluations start nowhere else. All simulated control steps count.
@@ -34,7 +34,7 @@ from p2l.worlds.world import Rows
 
 RECENT = 100  # episodes from recorded failures that the recent success is taken over
 ENOUGH = 0.5  # recent success at which no episode goes back any more
-MANY = 20  # failures with a way, from which on their number does not matter
+MANY = 20  # failures to go back to, from which on their number does not matter
 FOLLOW = 0.3  # how fast the success of a failure, or of a moment, follows what came of it
 SELDOM = 0.01  # weight of a failure that is always recovered from, and of a moment that always or never leads to pay
 
@@ -109,7 +109,7 @@ class _Episode:
     """What is under way in a slot.
 
     Attributes:
-        failure: it goes back to in the end; none before its first decision.
+        failure: that it started at, or whose way it went on from; a blank one before the first decision.
         way: and `moment`: where it went on from; none: at the failure.
         last: number of its latest decision.
     """
@@ -124,7 +124,7 @@ class Revisits:
     """What episodes under way went through, and the ways kept of those that were paid.
 
     Args:
-        share: most of new episodes that go on from an earlier success, in [0, 1].
+        share: of new episodes, at most so many go on from an earlier success, in [0, 1].
         slots: B.
         decisions: most decisions of an episode.
         rng: which episodes, and from where.

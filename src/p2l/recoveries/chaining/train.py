@@ -42,7 +42,7 @@ class TrainSettings:
         evaluate_every: control steps between evaluations.
         episodes: of an evaluation.
         ppo: of the algorithm.
-        revisit: most of the episodes that go on from earlier successes, in [0, 1], see `revisit`.
+        revisit: at most this share of the episodes goes on from earlier successes, in [0, 1], see `revisit`.
     """
 
     budget: int
