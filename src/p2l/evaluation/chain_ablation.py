@@ -12,18 +12,50 @@ Readings of the thesis:
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
 
-from p2l.evaluation.chain_episodes import totals
+from p2l.evaluation.chain_episodes import Agents, Book, episodes_of_seed, totals
 from p2l.evaluation.statistics import t_interval
 from p2l.evaluation.tables import COLUMNS, Row
 from p2l.evaluation.thesis import Thesis
+from p2l.skills.option import Option
+from p2l.worlds.world import World
 
 TABLE = "ablation_5"
 OWN = "as_given"  # the world as it is configured
+
+
+@dataclass(frozen=True)
+class Ablated:
+    """A variant of the world with the policies, by seed, that were learnt in it.
+
+    Attributes:
+        name: of the variant.
+        world: with the noise scaled, or the observations cut.
+        nominal: its chain.
+        agents: by seed.
+    """
+
+    name: str
+    world: World
+    nominal: Sequence[Option]
+    agents: Mapping[int, Agents]
+
+
+def episodes_of_variant(
+    book: Book, one: Ablated, episodes: int, progress: Callable[[int], None] | None = None
+) -> pd.DataFrame:
+    """Its episodes of all seeds, from records or leaving them; from the same start states as the configured world's."""
+    place = replace(book, item=f"{book.item}_{one.name}")
+    parts = [
+        episodes_of_seed(place, one.world, one.nominal, seed, agents, episodes, progress)
+        for seed, agents in one.agents.items()
+    ]
+    return pd.concat(parts, ignore_index=True)
 
 
 def ablation_5(world: str, found: Mapping[str, pd.DataFrame], thesis: Thesis) -> pd.DataFrame:

@@ -19,7 +19,7 @@ import pandas as pd
 from p2l.artifacts import config_hash
 from p2l.evaluation.statistics import wilson_interval
 from p2l.ledger import Item, find, write
-from p2l.recoveries.chaining.agent import Agent
+from p2l.recoveries.chaining.agent import Agent, load_agent
 from p2l.recoveries.chaining.execute import Overall, nominal_part, overall
 from p2l.recoveries.chaining.policy import Card, Policy, policy_hash
 from p2l.recoveries.chaining.pool import action_names
@@ -55,6 +55,33 @@ class Book:
         plain = {name: values.tolist() for name, values in handing.items()}
         decisive = [VERSION, self.code, seed, policy_hash(policy), plain, *rest]
         return Item(self.item, method, seed, 0, config_hash(decisive))
+
+
+def load_agents(
+    folder: Path,
+    learners: Sequence[str],
+    seed: int,
+    world: World,
+    nominal: Sequence[Option],
+    *,
+    transfer: bool = False,
+) -> Agents:
+    """The policies of a seed, let into a world.
+
+    Args:
+        folder: of `chain_recoveries`, with policies/<learner>/s<seed>.
+        learners: whose.
+        seed: that they were learnt with.
+        world: where they are to act.
+        nominal: the chain there.
+        transfer: the world may have other parameters than the one they were learnt in.
+
+    Raises:
+        ArtifactError: missing, damaged, or learnt for another world, other columns or other actions.
+    """
+    some = world.sample(generator(seed, "evaluate_chains", world.name, "columns"), 1)
+    place = folder / "policies"
+    return {name: load_agent(place / name / f"s{seed}", world, nominal, some, transfer=transfer) for name in learners}
 
 
 def episodes_of_seed(

@@ -9,7 +9,8 @@ Axis letters: F failures.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any
 
@@ -23,6 +24,7 @@ from p2l.evaluation.thesis import Thesis
 from p2l.ledger import find, write
 from p2l.recoveries.chaining.agent import Agent
 from p2l.recoveries.chaining.execute import nominal_part, recover
+from p2l.registry import get_options, get_world
 from p2l.seeding import generator
 from p2l.skills.option import Option
 from p2l.skills.runner import Reason
@@ -31,6 +33,7 @@ from p2l.worlds.world import World
 TABLE = "table_5_2"
 VERSION = 1  # raise it when an edit of the code changes episodes: committed records know no code
 AT_ONCE = 64
+ROBOSUITE = "robosuite"
 MOST = 20  # executions for each failure that is wanted: nominal skills that hardly ever fail end the search
 
 
@@ -51,6 +54,23 @@ class Variant:
     nominal: Sequence[Option]
     failures: int
     at_once: int = AT_ONCE
+
+
+def variants(
+    name: str, params: Mapping[str, Any], others: Mapping[str, Mapping[str, Any]], failures: int
+) -> list[Variant]:
+    """The worlds `others`, by name: parameters that differ from `params`."""
+    worlds = {other: get_world(name, {**params, **differs}) for other, differs in others.items()}
+    return [Variant(other, world, get_options(name, world), failures) for other, world in worlds.items()]
+
+
+def robosuite_variant(world: World, failures: int, stack: ExitStack) -> Variant:
+    """The environment and controller of robosuite in place of `world`, one row at a time; `stack` closes it."""
+    from p2l.evaluation.robosuite_sim import make
+
+    there = make(world)
+    stack.callback(there.engine.close)
+    return Variant(ROBOSUITE, there, get_options(world.name, world), failures, at_once=1)
 
 
 def transfer_of_seed(
