@@ -207,6 +207,21 @@ def test_variants_succeed_with_an_exact_state(params):
     assert done.success.sum() >= 7
 
 
+@pytest.mark.parametrize("arm", ["UR5e", "XArm7", "Sawyer"])
+def test_every_arm_observes_the_hand_as_the_one_that_policies_are_learnt_on(arm):
+    """q and −q are the same orientation; a network sees opposites. The arms' joints add up to either."""
+    seen, truth = {}, {}
+    for name in ("Panda", arm):
+        world = Shelf(arm=name, estimator="exact", models=1)
+        rows = chain.run(world, options(world), world.sample(np.random.default_rng(2), 4)).last.rows
+        seen[name], truth[name] = world.observe(rows), world.privileged(rows)
+        assert poses.angle(seen[name]["grip_quat"], truth[name]["grip_quat"]) == pytest.approx(0.0, abs=1e-6)
+    for field in ("grip_quat", "target_quat"):
+        alike = (seen["Panda"][field] * seen[arm][field]).sum(axis=1)
+        assert (alike > 0.9).all()
+    assert_array_equal(seen["Panda"]["grip_quat"], truth["Panda"]["grip_quat"])  # what is learnt stays valid
+
+
 @pytest.mark.parametrize(
     ("params", "message"),
     [

@@ -127,6 +127,7 @@ class PickPlace(RobotWorld):
         self._finger_dofs = [int(scene.model.joint(joint).dofadr[0]) for joint in self._fingers_at]
         self._bread_at = self._columns[bread.joints[0]] - 1
         self._check_reach()
+        self.observe_hand_as([0.0, 1.0, 1.0, 0.0])  # fingers down, as the Panda's joints put it
 
     def sample(self, rng: np.random.Generator, n: int) -> Rows:
         """N breads at rest anywhere in their bin, the arm near its start posture, fingers half open."""

@@ -22,6 +22,7 @@ from p2l.worlds.observation import Observation, Privileged
 from p2l.worlds.world import Command, Rows, View
 
 ROW_VERSION = 1  # raise when the meaning of a saved row changes
+HAND = ("grip_quat", "target_quat")
 Fields = Mapping[str, npt.NDArray[np.generic]]
 
 
@@ -41,6 +42,7 @@ class RobotWorld:
     memory_size: int = 0
     mode_fields: tuple[str, ...] = ()
     view: View = View()
+    hand_sign: float = 1.0  # of the quaternions `HAND` as they are observed, see `observe_hand_as`
 
     def __init__(
         self,
@@ -86,7 +88,23 @@ class RobotWorld:
         error = self.estimator.error(rows.noise, rows.actions)
         target = rows.states[:, self.engine.physics_size : self.engine.physics_size + 7]
         own = {"target_pos_m": target[:, :3], "target_quat": target[:, 3:], "grip_command": rows.grip}
-        return Observation.of({**self._seen(rows, error), **own})
+        seen = {**self._seen(rows, error), **own}
+        if self.hand_sign < 0.0:
+            seen |= {name: -np.asarray(seen[name], dtype=np.float64) for name in HAND}
+        return Observation.of(seen)
+
+    def observe_hand_as(self, like: npt.ArrayLike) -> None:
+        """Observe the hand's orientation with the sign that makes it resemble `like` [4] at the start.
+
+        q and −q are the same orientation, and which of them the joints of an arm add up to is an accident of the arm.
+        A policy would take one for the other's opposite; with the sign of the arm it was learnt on it means the same.
+        """
+        start = self.read(self.sample(np.random.default_rng(0), 1), "grip_quat")[0]
+        self.hand_sign = -1.0 if float(start @ np.asarray(like)) < 0.0 else 1.0
+
+    def sample(self, rng: np.random.Generator, n: int) -> Rows:
+        """N start states."""
+        raise NotImplementedError
 
     def _truth(self, rows: Rows) -> Fields:
         raise NotImplementedError

@@ -132,6 +132,7 @@ class Shelf(RobotWorld):
         joint = self.scenes[0].model.joint(self.bank.object_joint)
         self._object_dofs = slice(int(joint.dofadr[0]), int(joint.dofadr[0]) + 3)
         self._start, self.hand_quat = posture(self.scenes[0], self.thing, self.starts)
+        self.observe_hand_as(-self.hand_quat)  # which is how the Panda's joints put it
 
     def drawn(self, model: int) -> mujoco.MjModel:
         """The twin with visuals, clutter in this model's sizes."""
