@@ -6,6 +6,7 @@
 #
 #   scripts/thesis_ablation.sh                            # all of it: 3 variants × 5 seeds
 #   VARIANTS=double SEEDS=0,1 scripts/thesis_ablation.sh  # a part; the rest can follow
+#   THREADS=1 VARIANTS=half scripts/thesis_ablation.sh build/one   # one simulator thread each, for two clones side by side
 set -euo pipefail
 
 root=$(git -C "$(dirname "${BASH_SOURCE[0]}")" rev-parse --show-toplevel)
@@ -21,6 +22,7 @@ declare -A learning=([no_history]="limits.history=1 limits.fields=[$seen]")
 cd "$clone"
 judged=()
 common=(world=shelf "experiment=${PRESET:-thesis}")
+[ -z "${THREADS:-}" ] || common+=("+world.params.nthread=$THREADS")
 seeds="seeds=[${SEEDS:-0,1,2,3,4}]"
 for variant in "${variants[@]}"; do
   item=shelf_$variant differs=()

@@ -74,13 +74,13 @@ def robosuite_variant(world: World, failures: int, stack: ExitStack) -> Variant:
 
 
 def transfer_of_seed(
-    book: Book, variants: Sequence[tuple[Variant, Agents]], seed: int, progress: Callable[[int], None] | None = None
+    book: Book, moved: Sequence[tuple[Variant, Agents]], seed: int, progress: Callable[[int], None] | None = None
 ) -> pd.DataFrame:
     """Induced failures of every variant, recovered by every learner's policy; from records, or leaving them.
 
     Args:
         book: the ledger.
-        variants: with the policies, by learner, that were let in there.
+        moved: the variants, each with the policies, by learner, that were let in there.
         seed: of the start states, and of the policies.
         progress: told 1 after each policy.
 
@@ -89,7 +89,7 @@ def transfer_of_seed(
     """
     columns = ["variant", "learner", "seed", "failures", "recovered", "executions"]
     rows = []
-    for variant, agents in variants:
+    for variant, agents in moved:
         for learner, (agent, policy) in agents.items():
             world, names = variant.world, [option.name for option in variant.nominal]
             decisive = [VERSION, variant.name, world.digest, world.estimator.mode, variant.failures, names]
