@@ -58,6 +58,22 @@ def test_overall_success_pools_episodes_and_the_seeds_are_kept_apart(made):
     assert "recovery" not in set(made[made["method"] == "rl"]["metric"]), "it takes nothing over"
 
 
+def test_learners_are_compared_with_rc_on_the_same_starts(thesis):
+    parts = [episodes("rc", 0, 6, 4, 3), episodes("rc", 1, 8, 2, 1), episodes("rc", 2, 5, 5, 5)]
+    parts += [episodes("lazy_rc", 0, 6, 4, 1), episodes("lazy_rc", 1, 8, 2, 2), episodes("rl", 0, 0, 10, 1)]
+    broken = parts[3].assign(diverged=parts[3]["episode"] == 9)  # lost by RC as well
+    table = table_5_1({"pick_place": pd.concat([*parts[:3], broken, *parts[4:]], ignore_index=True)}, thesis)
+    lazy = cell(table, "lazy_rc", "success_minus_rc")
+    first = 7 / 9 - 9 / 9  # of the nine that are sound
+    assert (lazy["mean"], lazy["n"]) == (pytest.approx((first + 0.1) / 2), 2)
+    half = 12.7062047 * abs(first - 0.1) / 2  # Student's quantile of one degree of freedom
+    assert (lazy["low"], lazy["high"]) == (pytest.approx(lazy["mean"] - half), pytest.approx(lazy["mean"] + half))
+    flat = cell(table, "rl", "success_minus_rc")
+    assert (flat["mean"], flat["n"]) == (pytest.approx(-0.8), 1)
+    assert np.isnan(flat["low"]), "one pair says nothing of what differs between seeds"
+    assert not len(table[(table["method"] == "rc") & (table["metric"] == "success_minus_rc")])
+
+
 def run(learner, seed, *points, chosen=((3, 1), (0, 5))):
     evaluations = pd.DataFrame(points, columns=["control_steps", "success"])
     rounds = pd.DataFrame(chosen, columns=["chosen:from pick", "chosen:from place"])

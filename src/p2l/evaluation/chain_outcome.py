@@ -26,7 +26,6 @@ from p2l.evaluation.thesis import load_thesis
 
 CHAPTER = 5
 STEPS = "steps_to_thesis"
-MAIN = "rc"
 _NEEDED = {"rounds": ("learner", "seed", "round"), "evaluations": ("learner", "seed", "control_steps", "success")}
 
 
@@ -81,7 +80,7 @@ def chain_report(out: Path, found: Evaluated, thesis: Path) -> tuple[dict[str, f
     told, runs = load_thesis(thesis, CHAPTER), {found.item: found.runs}
     made = {tables.TABLE: tables.table_5_1({found.item: found.episodes}, told)}
     made[TRANSFERS] = table_5_2(found.item, found.transfers, told)
-    own = {OWN: found.episodes[found.episodes["learner"] == MAIN]}
+    own = {OWN: found.episodes[found.episodes["learner"] == tables.MAIN]}
     made[ABLATION] = ablation_5(found.item, {**own, **found.ablation}, told)
     made[STRATEGIES] = strategies_5(found.item, found.reuse, told)
     made[REUSE] = figure_5_9(found.item, found.reuse, told)
@@ -90,8 +89,8 @@ def chain_report(out: Path, found: Evaluated, thesis: Path) -> tuple[dict[str, f
     made[STEPS] = tables.steps_to_thesis(made[tables.TABLE], runs, told)
     figures = {
         tables.CURVES: learning_curves(made[tables.CURVES]),
-        tables.TRIED: options_tried(made[tables.TRIED], found.item, MAIN),
-        REUSE: novel_starts(made[REUSE], found.item, MAIN),
+        tables.TRIED: options_tried(made[tables.TRIED], found.item, tables.MAIN),
+        REUSE: novel_starts(made[REUSE], found.item, tables.MAIN),
     }
     save_sheets(out, made, figures)
     facts = {str(learner): totals(part) for learner, part in found.episodes.groupby("learner", sort=False)}

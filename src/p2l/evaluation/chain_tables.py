@@ -13,13 +13,15 @@ import numpy as np
 import pandas as pd
 
 from p2l.evaluation.chain_episodes import totals
-from p2l.evaluation.statistics import t_interval
+from p2l.evaluation.statistics import paired_difference, t_interval
 from p2l.evaluation.tables import COLUMNS, Row
 from p2l.evaluation.thesis import Thesis
 from p2l.records import Array
 
 BUDGET = 500_000  # control steps that the thesis gives every learner
 TABLE, CURVES, TRIED = "table_5_1", "figure_5_5", "figure_5_8"
+MAIN = "rc"
+BESIDE_MAIN = "success_minus_rc"
 
 
 @dataclass(frozen=True)
@@ -43,7 +45,8 @@ def table_5_1(episodes: Mapping[str, pd.DataFrame], thesis: Thesis) -> pd.DataFr
 
     `success` pools the episodes of all seeds (Wilson limits); `success_by_seed` is the mean of the seeds' rates (t
     limits, which also hold what differs between runs of learning); `recovery` counts only episodes that were flagged,
-    and is left out for who does the whole task.
+    and is left out for who does the whole task. `success_minus_rc` is a learner's rate less that of RC on the same
+    start states: mean and t limits of the seeds' differences.
     Rows with a seed have the rates of its episodes.
     """
     rows: list[Row] = []
@@ -61,6 +64,7 @@ def table_5_1(episodes: Mapping[str, pd.DataFrame], thesis: Thesis) -> pd.DataFr
             rows.append(
                 (str(learner), setting, "success_by_seed", *_limits(seeds.mean, seeds.low, seeds.high), seeds.n)
             )
+        rows += _beside_main(table, setting)
         chained = table[~table["whole_task"]]
         if len(chained):
             first = chained[chained["learner"] == chained["learner"].iloc[0]]
@@ -68,6 +72,20 @@ def table_5_1(episodes: Mapping[str, pd.DataFrame], thesis: Thesis) -> pd.DataFr
             for seed, own in first.groupby("seed"):
                 rows.append(_of("nominal", f"{setting};seed={seed}", "success", totals(own)["nominal"]))
     return thesis.beside(_frame(rows), TABLE)
+
+
+def _beside_main(table: pd.DataFrame, setting: str) -> list[Row]:
+    """Every other learner against `MAIN`, paired by seed; episodes that broke down for either are left out of both."""
+    sound = table[~table["diverged"]].pivot(index=["seed", "episode"], columns="learner", values="success")
+    rows: list[Row] = []
+    for learner in dict.fromkeys(table["learner"]):
+        if learner == MAIN or MAIN not in sound:
+            continue
+        both = sound[[learner, MAIN]].dropna().astype(float).groupby("seed").mean()
+        if len(both):
+            found = paired_difference(both[learner].to_numpy(), both[MAIN].to_numpy())
+            rows.append((str(learner), setting, BESIDE_MAIN, *_limits(found.mean, found.low, found.high), found.n))
+    return rows
 
 
 def figure_5_5(runs: Mapping[str, Iterable[Learning]], thesis: Thesis, points: int = 51) -> pd.DataFrame:

@@ -13,7 +13,7 @@ from p2l.evaluation.chain_strategies import strategies_5
 from p2l.evaluation.chain_tables import Learning, figure_5_5, figure_5_8, steps_to_thesis, table_5_1
 from p2l.evaluation.chain_transfer import table_5_2
 from p2l.evaluation.failure_videos import skip
-from p2l.evaluation.report import chain_reuse, chains
+from p2l.evaluation.report import chain_readings, chain_reuse, chains
 from p2l.evaluation.report.page import Films, Picture, Reading, render
 from p2l.evaluation.report.sources import Sources
 from p2l.evaluation.thesis import load_thesis
@@ -101,6 +101,18 @@ def test_every_world_is_judged_and_their_order_too(made):
     worlds = {"world=pick_place", "world=shelf"}
     assert set(sheet.long["setting"]) == worlds | {f"{world};seed=0" for world in worlds}, "seeds are in the file alone"
     assert "chain_recoveries" in section.commands[1]
+
+
+def test_lazy_learning_is_set_against_rc_where_several_seeds_were_trained():
+    both = {"mean": -0.023, "low": -0.06, "high": 0.014, "n": 5}
+    cells = {
+        ("world=shelf", "lazy_rc", "success_minus_rc"): both,
+        ("world=shelf", "pp", "success_minus_rc"): both,
+        ("world=door", "lazy_rc", "success_minus_rc"): {**both, "n": 1},
+    }
+    [told] = chain_readings.of_laziness(cells)
+    assert told.endswith("in percentage points: shelf -2.3 [-6.0, +1.4].")
+    assert chain_readings.of_laziness({}) == []
 
 
 def test_curves_and_options_come_with_their_tables(made):

@@ -7,12 +7,13 @@ from typing import Any
 
 import pandas as pd
 
+from p2l.evaluation.chain_tables import BESIDE_MAIN, MAIN
 from p2l.evaluation.report.page import Agreement, Reading
 
 Claims = Mapping[tuple[str, str], str]
 Cells = Mapping[tuple[str, str, str], Mapping[Any, Any]]
 UNABLE = 0.05  # "not able to solve the task at all"
-MAIN, RIVAL, FLAT = "rc", "pp", "rl"
+RIVAL, FLAT, LAZY = "pp", "rl", "lazy_rc"
 
 
 def percent(row: Mapping[Any, Any]) -> str:
@@ -66,6 +67,19 @@ def of_order(claims: Claims, cells: Cells) -> list[Reading]:
     elif all(above for *_, above in verdicts):
         agrees = "partly"
     return [Reading(claim, f"{'; '.join(told)}.", agrees)]
+
+
+def of_laziness(cells: Cells) -> list[str]:
+    """Lazy RC less RC, world by world, where several seeds give the difference an interval."""
+    found = []
+    for (setting, method, metric), row in cells.items():
+        if method == LAZY and metric == BESIDE_MAIN and row["n"] > 1:
+            mean, low, high = (100.0 * float(row[key]) for key in ("mean", "low", "high"))
+            world = setting.removeprefix("world=")
+            found.append(f"{world} {mean:+.1f} [{low:+.1f}, {high:+.1f}]")
+    if not found:
+        return []
+    return [f"Overall success of Lazy RC less that of RC, paired by seed, in percentage points: {'; '.join(found)}."]
 
 
 def _apart(cells: Cells, setting: str, better: str, worse: str) -> bool:

@@ -8,6 +8,7 @@ from collections.abc import Callable
 import pandas as pd
 
 from p2l.evaluation.chain_figures import learning_curves, options_tried
+from p2l.evaluation.chain_tables import MAIN
 from p2l.evaluation.report import chain_readings as readings
 from p2l.evaluation.report.chain_views import CHAPTER, METHODS, commands, left_out, sheet, stacked
 from p2l.evaluation.report.page import Part, Picture, Section, Sheet
@@ -16,7 +17,6 @@ from p2l.evaluation.report.views import plain_setting, spoken
 from p2l.evaluation.sheets import pooled
 from p2l.evaluation.style import png
 
-MAIN = "rc"
 JUDGED_5_1 = (
     "Every learner meets the same start states, none of which learning or choosing a policy has seen. Where a detector "
     "fires, the recovery takes over; RL acts alone, from the start of the task. Intervals are Wilson's over the "
@@ -39,7 +39,7 @@ def table_5_1(sources: Sources) -> Section:
     table = pooled(full)
     cells = {(row["setting"], row["method"], row["metric"]): row for row in table.to_dict("records")}
     parts: list[Part] = [JUDGED_5_1, *readings.of_worlds(claims, cells), *readings.of_order(claims, cells)]
-    parts.append(_success("table_5_1", full, cells))
+    parts += [*readings.of_laziness(cells), _success("table_5_1", full, cells)]
     numbers = {
         f"table_5_1/{setting.removeprefix('world=')}/{method}/{metric}": float(row["mean"])
         for (setting, method, metric), row in cells.items()
