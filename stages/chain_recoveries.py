@@ -40,6 +40,10 @@ def run(cfg: ChainRecoveriesConfig, out: Path, track: Tracker) -> None:
         )
     failures = load_failures(cfg.failures, "train")
     check_params(failures, cfg.world.name, cfg.world.params, cfg.failures)
+    if (given := cfg.world.params.get("estimator")) != (own := failures.origin.params.get("estimator")):
+        raise ArtifactError(
+            f"{cfg.failures}: found under world.params.estimator={own}, not {given}; discover them under that one first"
+        )
     if cfg.compare:
         _compare(cfg, failures, out, track)
         return
@@ -86,7 +90,7 @@ def _learn(cfg: ChainRecoveriesConfig, failures: Failures, out: Path, track: Tra
     every, episodes = cfg.evaluation.every, cfg.evaluation.episodes
     ppo = PPOSettings(**cfg.ppo.model_dump())
     settings = TrainSettings(budget, cfg.slots, every, episodes, ppo, cfg.revisit)
-    world, nominal = open_world(failures, cfg.failures)
+    world, nominal = open_world(failures, cfg.failures, cfg.world.params.get("nthread"))
     parts = split(failures.rows, episodes, cfg.seed, world.name)
     task = Task(world, nominal, parts.learnt, cfg.seed)
     learner = make_learner(cfg.learner.name, task, Limits(**cfg.limits.model_dump()), cfg.learner.params)

@@ -225,6 +225,8 @@ def test_what_cannot_be_learnt_from_is_refused(found, tmp_path):
         run("chain_recoveries", tmp_path, failures=str(tmp_path / "none" / "failures_train.npz"))
     with pytest.raises(ArtifactError, match="expected those of 'door'"):
         learn(found, tmp_path, world={"name": "door", "params": {}})
+    with pytest.raises(ArtifactError, match="found under world.params.estimator=None, not exact; discover them"):
+        learn(found, tmp_path, world={"name": "push", "params": {**PUSH["params"], "estimator": "exact"}})
     with pytest.raises(ConfigError, match="less than one round of 24 decisions of 10 control steps; give at least 240"):
         learn(found, tmp_path, budget=239)
     with pytest.raises(ConfigError, match=r"learner\.name: given 'sac'; unknown learner; allowed: lazy_rc, pp, rc, rl"):

@@ -110,7 +110,8 @@ def episodes_of_seed(
     tables = []
     for learner, (agent, policy) in agents.items():
         names = [option.name for option in nominal]
-        item = book.entry(f"{learner}_episodes", seed, agent, policy, world.digest, episodes, names)
+        decisive = [world.digest, world.estimator.mode, episodes, names]
+        item = book.entry(f"{learner}_episodes", seed, agent, policy, *decisive)
         if (known := find(book.records, item)) is None:
             if plain is None:
                 plain = nominal_episodes(book, world, nominal, seed, episodes)

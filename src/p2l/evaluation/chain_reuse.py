@@ -202,7 +202,8 @@ def reuse_of_seed(
     tables = [pd.DataFrame({name: [] for name in ("learner", "seed", *COLUMNS)})]
     for learner, (agent, policy) in agents.items():
         names = [option.name for option in nominal]
-        item = book.entry(f"{learner}_reuse", seed, agent, policy, VERSION, world.digest, episodes, names, *key)
+        decisive = [VERSION, world.digest, world.estimator.mode, episodes, names, *key]
+        item = book.entry(f"{learner}_reuse", seed, agent, policy, *decisive)
         if (kept := find(book.records, item)) is None and not agent.whole_task:
             begun = time.perf_counter()
             if failures is None:

@@ -161,14 +161,20 @@ def load_failures(path: Path | str, split: str | None = None) -> Failures:
     return Failures(origin, truth=truth, seen=seen, **rows, **rest)
 
 
-def open_world(failures: Failures, path: Path | str) -> tuple[World, tuple[Option, ...]]:
+def open_world(failures: Failures, path: Path | str, nthread: int | None = None) -> tuple[World, tuple[Option, ...]]:
     """The world in which failures were found, with its nominal chain.
+
+    Args:
+        failures: of it.
+        path: where they lie, for messages.
+        nthread: simulator threads, which change no result; None: as many as found them.
 
     Raises:
         ArtifactError: the world has changed since.
         ConfigError: there is no such world any more.
     """
-    world = get_world(failures.origin.world, failures.origin.params)
+    threads = {} if nthread is None else {"nthread": nthread}
+    world = get_world(failures.origin.world, {**failures.origin.params, **threads})
     check_world(failures, world, path)
     return world, get_options(world.name, world)
 
