@@ -39,8 +39,8 @@ dvc repro "${targets[@]}"
 
 results=$root/results/thesis
 for part in tables figures; do
-  rm -rf "${results:?}/$part"
-  cp -r "data/report/$part" "$results/$part"
+  mkdir -p "$results/$part"
+  cp -r "data/report/$part/." "$results/$part" # what other scripts made, such as the ablation's table, stays
 done
 mkdir -p "$results/metrics"
 for file in data/*/*/{metrics,summary}.json; do

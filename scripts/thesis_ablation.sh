@@ -36,6 +36,13 @@ for variant in "${variants[@]}"; do
 done
 python -m stages.evaluate_chains "${common[@]}" "learners=[rc]" "$seeds" transfer.failures=0 \
   "${judged[@]}" hydra.run.dir=data/evaluate_chains/shelf_ablation
-mkdir -p "$results/tables"
+if [ -n "${VARIANTS:-}${SEEDS:-}" ]; then
+  echo "this part's records are in $results/records; the table comes with a run of all parts, without VARIANTS and SEEDS"
+  exit 0
+fi
+mkdir -p "$results/tables" "$results/metrics"
 cp data/evaluate_chains/shelf_ablation/ablation_5.csv "$results/tables/ablation_5.csv"
+cp data/evaluate_chains/shelf_ablation/summary.json "$results/metrics/evaluate_chains-shelf_ablation-summary.json"
+{ echo "# made at commit $(git rev-parse HEAD)"; cat data/evaluate_chains/shelf_ablation/config.yaml; } \
+  > "$results/metrics/evaluate_chains-shelf_ablation-config.yaml"
 echo "ablation_5.csv is in $results/tables"
