@@ -38,11 +38,17 @@ def counter(title: str, unit: str, total: int) -> Iterator[Callable[[int], None]
 
 
 @contextmanager
-def training(title: str, total: int) -> Iterator[Callable[[int, float], None]]:
-    """Yield a function of the control steps so far and the success rate of the last round."""
+def training(title: str, total: int) -> Iterator[Callable[[int, float | None], None]]:
+    """Yield a function of the control steps so far and the success rate of the last round.
+
+    Without a success rate, the steps are those of a run that is resumed: they count for no rate and no time left.
+    """
     with tqdm(desc=title, unit=" steps", total=total, disable=None, leave=False, smoothing=0.05) as shown:
 
-        def show(done: int, success: float) -> None:
+        def show(done: int, success: float | None) -> None:
+            if success is None:
+                shown.initial = shown.n = shown.last_print_n = min(done, total)
+                return
             shown.set_postfix_str(f"success {success:.0%}", refresh=False)
             shown.update(min(done, total) - shown.n)
 

@@ -181,10 +181,11 @@ def save_network(path: Path | str, state: Mapping[str, torch.Tensor], card: Mapp
 
     path = Path(path)
     data = save({name: tensor.detach().cpu().contiguous() for name, tensor in state.items()})
+    weights = hashlib.blake2b(data, digest_size=16).hexdigest()
     with atomic(path) as temporary:
         temporary.write_bytes(data)
-    weights = hashlib.blake2b(data, digest_size=16).hexdigest()
-    save_json(path.with_suffix(path.suffix + ".json"), {**card, "weights": weights}, schema=schema, version=1)
+        told = path.with_suffix(path.suffix + ".json")
+        save_json(told, {**card, "weights": weights}, schema=schema, version=1)  # nothing but a rename lies between
 
 
 def load_network(path: Path | str, *, schema: str) -> tuple[dict[str, torch.Tensor], dict[str, Any]]:

@@ -3,6 +3,9 @@
 import json
 import re
 import shutil
+import signal
+import subprocess
+import sys
 from pathlib import Path
 
 import imageio_ffmpeg
@@ -11,6 +14,7 @@ import pandas as pd
 import pytest
 import torch
 from hydra import compose, initialize_config_dir
+from mlflow import MlflowClient
 
 from p2l.artifacts import load_json, load_table
 from p2l.errors import ArtifactError, ConfigError
@@ -20,9 +24,10 @@ from p2l.failures.record import load_failures, open_world
 from p2l.recoveries.chaining.agent import load_agent
 from p2l.recoveries.chaining.checkpoint import FILE
 from p2l.recoveries.chaining.execute import recover
+from p2l.recoveries.chaining.learners import register_learner
 from p2l.recoveries.chaining.policy import load_policy, policy_hash
 from p2l.schema import SCHEMAS, resolve, validate
-from p2l.tracking import Tracker
+from p2l.tracking import RunCard, Tracker, start
 from stages import chain_recoveries, discover, evaluate_chains, watch
 from tests.failures import pushing
 
@@ -38,7 +43,33 @@ SMALL = {"n_steps": 24, "batch_size": 12, "n_epochs": 1, "hidden": [8]}
 assert pushing.found  # importing it registers the world
 
 
-def run(name, out, **changes):
+TRACKED = {"compare": ["rc"], "seeds": [0], "budget": 1500, "evaluation": {"every": 300, "episodes": 4}}
+KILL = """
+import os, signal, sys
+from pathlib import Path
+from p2l.recoveries.chaining import train
+from tests.stages.test_chain_stages import TRACKED, compare, tracked
+
+save, saved = train.save_checkpoint, []
+def killed(*given):
+    save(*given)
+    saved.append(1)
+    if len(saved) == {checkpoints}:
+        os.kill(os.getpid(), signal.SIGKILL)
+train.save_checkpoint = killed
+with tracked(Path(sys.argv[2]), sys.argv[3]) as track:
+    compare(Path(sys.argv[1]), Path(sys.argv[2]), track=track, tracking=dict(enabled=True, uri=sys.argv[3]), **TRACKED)
+"""
+
+
+def tracked(out, store):
+    """A run in a store of its own, as the command line would start it."""
+    out.mkdir(parents=True, exist_ok=True)
+    card = RunCard("chain_recoveries", "push", "learners", 0, {}, "hash", "python -m stages.chain_recoveries", None)
+    return start(card, out, ROOT, uri=store)
+
+
+def run(name, out, track=None, **changes):
     """Run a stage in this process, on push, with values of its configuration changed."""
     with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
         plain = resolve(compose(name, ["experiment=smoke"]))
@@ -48,7 +79,7 @@ def run(name, out, **changes):
         plain["records"] = None
     plain |= {"item": "push", "world": PUSH, **changes}
     out.mkdir(parents=True, exist_ok=True)
-    STAGES[name].run.__wrapped__(validate(plain, SCHEMAS[name], "test"), out, Tracker())
+    STAGES[name].run.__wrapped__(validate(plain, SCHEMAS[name], "test"), out, track or Tracker())
 
 
 def learn(found, out, learner="rc", **changes):
@@ -225,7 +256,7 @@ def test_what_cannot_be_learnt_from_is_refused(found, tmp_path):
         run("chain_recoveries", tmp_path, failures=str(tmp_path / "none" / "failures_train.npz"))
     with pytest.raises(ArtifactError, match="expected those of 'door'"):
         learn(found, tmp_path, world={"name": "door", "params": {}})
-    with pytest.raises(ArtifactError, match="found under world.params.estimator=None, not exact; discover them"):
+    with pytest.raises(ArtifactError, match=r"found under world\.params\.estimator=None, not exact; discover them"):
         learn(found, tmp_path, world={"name": "push", "params": {**PUSH["params"], "estimator": "exact"}})
     with pytest.raises(ConfigError, match="less than one round of 24 decisions of 10 control steps; give at least 240"):
         learn(found, tmp_path, budget=239)
@@ -249,6 +280,70 @@ def test_a_checkpoint_of_another_configuration_is_refused(found, tmp_path, monke
     rounds = pd.read_csv(tmp_path / "rounds.csv")
     learn(found, tmp_path)
     assert json.loads((tmp_path / "summary.json").read_text())["control_steps"] == rounds["control_steps"].iloc[-1]
+
+
+def test_a_finished_run_is_neither_repeated_nor_overwritten(alone, found, tmp_path, capsys):
+    out = tmp_path / "out"
+    shutil.copytree(alone, out)
+    before = {path: (path.read_bytes(), path.stat().st_mtime_ns) for path in out.rglob("*") if path.is_file()}
+    learn(found, out)
+    assert "this run has finished already" in capsys.readouterr().out
+    with pytest.raises(ArtifactError, match="holds the policy of a run with another configuration"):
+        learn(found, out, budget=700)
+    assert before == {path: (path.read_bytes(), path.stat().st_mtime_ns) for path in out.rglob("*") if path.is_file()}
+
+
+def test_nobody_learns_if_one_of_those_compared_is_refused(found, tmp_path):
+    both = {"rc": {"name": "rc"}, "rl": {"name": "rl"}}
+    with pytest.raises(ConfigError, match="no dense reward for world 'push'"):
+        compare(found, tmp_path / "a", learners=both, compare=["rc", "rl"])
+    less = {"rc": {"name": "rc"}, "lazy_rc": {"name": "lazy_rc", "budget_share": 0.3}}
+    with pytest.raises(ConfigError, match="a budget of 180 control steps is less than one round"):
+        compare(found, tmp_path / "b", learners=less, compare=["rc", "lazy_rc"])
+    assert not list(tmp_path.rglob("*.safetensors"))
+
+
+def test_a_single_run_can_be_judged_where_it_lies(alone, tmp_path):
+    run("evaluate_chains", tmp_path / "a", learnt=str(alone), learners=["rc"], seeds=[0], episodes=10)
+    table = pd.read_csv(tmp_path / "a" / "table_5_1.csv")
+    assert table.query("method == 'rc' and setting == 'world=push' and metric == 'success'")["n"].item() == 10
+    with pytest.raises(ArtifactError, match="the policy of rc, seed 0, not of pp, seed 0; say learners="):
+        run("evaluate_chains", tmp_path / "b", learnt=str(alone), learners=["pp"], seeds=[0])
+
+
+def test_a_learner_of_ones_own_is_compared_and_judged(found, tmp_path):
+    """The one of docs/chains.md."""
+    register_learner("short", "tests.stages.short_learner")
+    both = {name: {"name": name, "params": {}} for name in ("rc", "short")}
+    compare(found, tmp_path / "run", learners=both, compare=["rc", "short"])
+    evaluate(tmp_path, tmp_path / "judged", learners=["rc", "short"])
+    table = pd.read_csv(tmp_path / "judged" / "table_5_1.csv")
+    assert {"nominal", "rc", "short"} == set(table["method"])
+
+
+def test_a_killed_training_goes_on_in_the_same_run(found, tmp_path):
+    store, out = f"sqlite:///{tmp_path / 'runs.db'}", tmp_path / "out"
+    client = MlflowClient(tracking_uri=store)
+    script = KILL.format(checkpoints=3)
+    killed = [sys.executable, "-c", script, str(found), str(out), store]
+    ended = subprocess.run(killed, cwd=ROOT, capture_output=True, text=True, timeout=300, check=False)
+    assert ended.returncode == -signal.SIGKILL, ended.stderr
+    experiment = client.get_experiment_by_name("chain_recoveries").experiment_id
+    before = {each.info.run_id for each in client.search_runs([experiment])}
+    [left] = out.rglob(FILE)
+    kept = load_json(left.with_suffix(".safetensors.json"), schema="chain_checkpoint", version=1)
+    assert 0 < kept["control_steps"] < TRACKED["budget"]
+    with tracked(out, store) as track:
+        compare(found, out, track=track, tracking={"enabled": True, "uri": store}, **TRACKED)
+    runs = client.search_runs([experiment])
+    assert {each.info.run_id for each in runs} == before, "none is new"
+    assert {each.info.status for each in runs} == {"FINISHED"}
+    assert len(runs) == 2  # the comparison and its one learner
+    evaluations = pd.read_csv(out / "evaluations.csv")
+    assert evaluations["control_steps"].iloc[: len(kept["evaluations"])].tolist() == [
+        row["control_steps"] for row in kept["evaluations"]
+    ]
+    assert evaluations["control_steps"].iloc[-1] >= TRACKED["budget"]
 
 
 def test_watch_films_a_failure_beside_its_recovery(alone, found, tmp_path, capsys):

@@ -17,11 +17,12 @@ import numpy as np
 import pandas as pd
 
 from p2l.artifacts import config_hash
+from p2l.errors import ArtifactError
 from p2l.evaluation.statistics import wilson_interval
 from p2l.ledger import Item, find, write
 from p2l.recoveries.chaining.agent import Agent, load_agent
 from p2l.recoveries.chaining.execute import Overall, nominal_part, overall
-from p2l.recoveries.chaining.policy import Card, Policy, policy_hash
+from p2l.recoveries.chaining.policy import FILE, Card, Policy, policy_hash
 from p2l.recoveries.chaining.pool import action_names
 from p2l.seeding import generator
 from p2l.skills.chain import Execution
@@ -69,7 +70,7 @@ def load_agents(
     """The policies of a seed, let into a world.
 
     Args:
-        folder: of `chain_recoveries`, with policies/<learner>/s<seed>.
+        folder: of `chain_recoveries`, with policies/<learner>/s<seed>, or one run's own.
         learners: whose.
         seed: that they were learnt with.
         world: where they are to act.
@@ -77,11 +78,23 @@ def load_agents(
         transfer: the world may have other parameters than the one they were learnt in.
 
     Raises:
-        ArtifactError: missing, damaged, or learnt for another world, other columns or other actions.
+        ArtifactError: missing, damaged, of another learner or seed, or learnt for another world, other columns or other
+            actions.
     """
     some = world.sample(generator(seed, "evaluate_chains", world.name, "columns"), 1)
-    place = folder / "policies"
-    return {name: load_agent(place / name / f"s{seed}", world, nominal, some, transfer=transfer) for name in learners}
+    found: dict[str, tuple[Agent, Policy]] = {}
+    for name in learners:
+        place = folder / "policies" / name / f"s{seed}"
+        if not place.exists() and (folder / FILE).is_file():
+            place = folder
+        found[name] = load_agent(place, world, nominal, some, transfer=transfer)
+        card = found[name][1].card
+        if (card.learner, card.seed) != (name, seed):
+            raise ArtifactError(
+                f"{place}: the policy of {card.learner}, seed {card.seed}, not of {name}, seed {seed}; say "
+                f"learners=[{card.learner}] seeds=[{card.seed}]"
+            )
+    return found
 
 
 def episodes_of_seed(

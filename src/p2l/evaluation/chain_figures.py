@@ -19,7 +19,15 @@ LEARNERS: dict[str, MethodStyle] = {
     "pp": MethodStyle("PP", "#D55E00", "^"),
     "rl": MethodStyle("RL", "#555555", "X"),
 }
+OWN_COLOURS = ("#009E73", "#CC79A7", "#E69F00", "#000000")  # of learners that are not the thesis's, by name
 OPTION_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00")
+
+
+def style_of(learner: str) -> MethodStyle:
+    """How a learner is drawn and named; one that is registered by its user, too."""
+    if learner in LEARNERS:
+        return LEARNERS[learner]
+    return MethodStyle(learner.replace("_", " "), OWN_COLOURS[sum(map(ord, learner)) % len(OWN_COLOURS)], "D")
 
 
 def learning_curves(table: pd.DataFrame) -> Figure:
@@ -34,7 +42,7 @@ def learning_curves(table: pd.DataFrame) -> Figure:
     for axes, world in zip(np.ravel(figure.subplots(1, len(worlds), sharey=True)), worlds, strict=True):
         ends = []
         for learner, part in rows[rows["world"] == world].groupby("method", sort=False):
-            style = LEARNERS[str(learner)]
+            style = style_of(str(learner))
             x, mean = part["control_steps"].to_numpy() / 1000.0, part["mean"].to_numpy()
             axes.plot(x, mean, color=style.colour, lw=style.width, drawstyle="steps-post")
             _band(axes, x, part, style.colour, step="post")
@@ -66,8 +74,8 @@ def options_tried(table: pd.DataFrame, world: str, learner: str = "rc") -> Figur
         axes.plot(x, mean, color=colour, lw=1.5)
         _band(axes, x, part, colour)
         ends.append((float(x[-1]), float(mean[-1]), str(option).replace("_", " "), colour))
-    axes.set(xlabel="round of 120 decisions", ylabel="times tried in a round", ylim=(0, None), xlim=(0, None))
-    axes.set_title(f"{world.replace('_', ' ')}: nominal options tried by {LEARNERS[learner].label}")
+    axes.set(xlabel="round of PPO", ylabel="times tried in a round", ylim=(0, None), xlim=(0, None))
+    axes.set_title(f"{world.replace('_', ' ')}: nominal options tried by {style_of(learner).label}")
     plain(axes)
     if ends:  # learners without nominal options try none
         label_ends(axes, ends)

@@ -10,11 +10,12 @@ from numpy.testing import assert_array_equal
 from stable_baselines3 import PPO
 from stable_baselines3.common.env_checker import check_env as sb3_check
 
+from p2l.errors import ConfigError
 from p2l.recoveries.chaining.env import RecoveryEnv, RecoveryVecEnv, RecoveryVectorEnv
 from p2l.recoveries.chaining.pool import Pool
 from p2l.skills.primitives import PRIMITIVES
 
-PUSH = len(PRIMITIVES) + 1
+ALIGN, PUSH = len(PRIMITIVES), len(PRIMITIVES) + 1
 
 
 @pytest.fixture
@@ -57,6 +58,25 @@ def test_rows_of_the_vector_environment_are_episodes_of_the_single_one(make, fai
         assert_array_equal(ended, over)
         assert_array_equal(cut, late)
         assert_array_equal(info["final_obs"][0] if over else after[0], alone)
+
+
+def test_rows_that_are_sent_to_do_not_wait_for_a_longer_action(make, failures):
+    env = RecoveryVectorEnv(make, failures, 2)
+    env.reset(seed=0)
+    env.send(np.array([ALIGN, 4]), np.arange(2))
+    order, steps = [], []
+    while 0 not in order:
+        seen, _, ended, cut, info = env.recv()
+        assert len(seen) == len(ended) == len(cut) == len(info["env_id"])
+        order += info["env_id"].tolist()
+        steps += info["control_steps"].tolist()
+        if 1 in info["env_id"]:
+            with pytest.raises(ConfigError, match=r"slots \[0\] are busy"):
+                env.send(np.array([4]), np.array([0]))
+            env.send(np.array([5]), np.array([1]))
+    assert order.count(1) >= 3, "primitives of ten steps must end while the chain of forty is under way"
+    assert steps[order.index(0)] > 3 * min(steps)
+    assert info["final_obs"][order[-len(seen) :].index(0)] is not None, "an option ends its episode"
 
 
 def test_other_learners_of_stable_baselines3_can_use_it(make, failures):

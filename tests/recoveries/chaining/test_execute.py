@@ -7,7 +7,7 @@ from p2l.recoveries.chaining.agent import agent_of
 from p2l.recoveries.chaining.execute import nominal_part, overall, recover
 from p2l.recoveries.chaining.learners import make_learner
 from p2l.recoveries.chaining.mdp import Limits
-from p2l.skills.primitives import PRIMITIVES
+from p2l.skills.primitives import PRIMITIVES, STEPS
 from p2l.skills.runner import Reason
 
 BACK, PUSH = 1, len(PRIMITIVES) + 1
@@ -46,4 +46,8 @@ def test_preconditions_hand_over_to_the_best_controller_at_the_latest_at_the_bou
     handed = (found.actions >= len(PRIMITIVES)).any(axis=1)
     early = (found.actions == BACK).sum(axis=1) < 2
     assert handed[early].all(), "whoever stopped moving has handed over"
-    assert (handed | ~found.success).all()
+    late = handed & ~early
+    assert late.any()
+    assert (found.actions[late, 2] >= len(PRIMITIVES)).all(), "at the bounds somebody takes over"
+    moved = np.minimum((found.actions == BACK).sum(axis=1), 2) * STEPS
+    assert (handed | (found.steps < moved)).all(), "unless a detector has ended the episode before"

@@ -94,7 +94,7 @@ def test_time_is_counted_in_control_steps_of_all_slots(world, failures):
     assert made.control_steps == 3 * STEPS
 
 
-def test_an_episode_is_cut_at_its_bounds_and_that_is_not_a_terminal_state(world, failures):
+def test_an_episode_is_cut_at_its_bounds_unpaid_and_says_so(world, failures):
     for limits, expected in (({"decisions": 3}, 3), ({"primitive_steps": 40}, 4)):
         made = pool(world, failures, 1, **limits)
         for decision in range(1, expected + 1):

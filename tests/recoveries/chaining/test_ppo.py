@@ -14,7 +14,7 @@ from p2l.recoveries.chaining.mdp import Limits
 from p2l.recoveries.chaining.policy import check_policy, load_policy
 from p2l.recoveries.chaining.ppo import PoolPPO, PPOSettings
 from p2l.recoveries.chaining.train import TrainSettings, card_of, split, train
-from p2l.recoveries.chaining.weights import exported
+from p2l.recoveries.chaining.weights import exported, restore, tensors
 
 SMALL = PPOSettings(n_steps=24, batch_size=12, n_epochs=2, hidden=(8, 8))
 
@@ -74,8 +74,6 @@ def test_an_exported_policy_does_what_sb3_does_and_is_refused_elsewhere(task, tm
         lambda *_: None,
     )
     policy = load_policy(tmp_path)
-    assert policy.card.told["control_steps"] > 0 or policy.card.told["evaluation_success"] == 0.0
-
     model = made(task, history=2)
     observation = np.random.default_rng(0).normal(size=(200, len(card.columns)))
     mine = exported(model, card)
@@ -96,6 +94,50 @@ def test_an_exported_policy_does_what_sb3_does_and_is_refused_elsewhere(task, tm
         with pytest.raises(ArtifactError, match=message):
             check_policy(policy, tmp_path, **(known | wrong))
     check_policy(policy, tmp_path, **(known | {"digest": "other"}), transfer=True)
+
+
+def test_the_policy_of_the_best_evaluation_is_kept_the_later_of_equals(task, tmp_path, monkeypatch):
+    learner = make_learner("rc", task, Limits())
+    card = card_of(task, learner, "rc", "hash")
+    seen = []
+
+    def watched(model, card):
+        seen.append(exported(model, card))
+        return seen[-1]
+
+    monkeypatch.setattr("p2l.recoveries.chaining.train.exported", watched)
+    settings = TrainSettings(1500, 8, 200, 12, SMALL)
+    done = train(task, learner, task.failures.take(range(12)), settings, card, tmp_path, lambda *_: None)
+    rates = np.array([row["success"] for row in done.evaluations])
+    best = len(rates) - 1 - int(rates[::-1].argmax())
+    assert len(seen) == len(rates) >= 4
+    assert len(set(rates)) > 1, "else any policy would do"
+    kept = load_policy(tmp_path)
+    assert all(torch.equal(weight, kept.weights[name]) for name, weight in seen[best].weights.items())
+    assert kept.card.told["evaluation_success"] == done.best == rates[best]
+
+
+def test_a_checkpoint_brings_back_weights_and_optimiser_to_the_bit(task, tmp_path):
+    learner = make_learner("lazy_rc", task, Limits(), {"outcomes": 4, "of_either_kind": 1})
+    card = card_of(task, learner, "lazy_rc", "hash")
+    train(task, learner, task.failures.take(range(4)), TrainSettings(600, 8, 300, 4, SMALL), card, tmp_path, _silent)
+    left = load_checkpoint(tmp_path, card)
+    fresh = make_learner("lazy_rc", task, Limits(), {"outcomes": 4, "of_either_kind": 1})
+    pool = fresh.pool(task, np.random.default_rng(5), 8)
+    model = PoolPPO(pool, SMALL, card.normalisation, 5, fresh.shortcut)
+    before = tensors(model)
+    restore(model, left)
+    after = tensors(model)
+    assert set(after) == set(left.tensors) > set(before)
+    assert {name.split(".")[0] for name in after} == {"policy", "adam", "shortcut"}
+    for name, value in left.tensors.items():
+        assert torch.equal(after[name], value), name
+    assert any(not torch.equal(value, after[name]) for name, value in before.items())
+    assert model.num_timesteps == left.control_steps
+
+
+def _silent(kind, row):
+    """Nobody listens."""
 
 
 def test_a_killed_run_resumes_and_another_configuration_is_refused(task, tmp_path):
@@ -119,7 +161,8 @@ def test_a_killed_run_resumes_and_another_configuration_is_refused(task, tmp_pat
     assert done.control_steps >= 2000
     times = [row["control_steps"] for row in done.rounds]
     assert times == sorted(times)
-    assert rows[0][1]["control_steps"] > left.control_steps, "it goes on, it does not start over"
+    assert rows[0] == ("resumed", {"control_steps": left.control_steps})
+    assert rows[1][1]["control_steps"] > left.control_steps, "it goes on, it does not start over"
     with pytest.raises(ArtifactError, match=f"{FILE}: left by a run with another configuration"):
         load_checkpoint(tmp_path, card_of(task, learner, "rc", "other"))
 
@@ -133,6 +176,15 @@ def test_bad_input_is_refused_before_anything_is_simulated(task, failures):
         TrainSettings(budget=1199)
     with pytest.raises(ConfigError, match="unknown learner 'sac'; known: lazy_rc, pp, rc, rl"):
         make_learner("sac", task, Limits())
+    for name, params, message in (
+        ("lazy_rc", {"audit": 0.0}, "lazy_rc: audit must be a number above 0 and below 1, got 0.0"),
+        ("lazy_rc", {"precision": "high"}, "lazy_rc: precision must be a number above 0 and below 1, got 'high'"),
+        ("lazy_rc", {"outcomes": 2.5}, "lazy_rc: outcomes must be an integer of at least 1, got 2.5"),
+        ("pp", {"every": 0}, "pp: every must be an integer of at least 1, got 0"),
+        ("pp", {"threshold": 1.0}, "pp: threshold must be a number above 0 and below 1, got 1.0"),
+    ):
+        with pytest.raises(ConfigError, match=message):
+            make_learner(name, task, Limits(), params)
     with pytest.raises(ConfigError, match=r"learner 'pp': unknown parameters \['trees'\]; allowed: trajectories"):
         make_learner("pp", task, Limits(), {"trees": 3})
 

@@ -94,7 +94,7 @@ def figure_5_8(sources: Sources) -> Section:
             continue
         found, ends = readings.of_commitment(claim, world, rows)
         last.append(ends)
-        caption = f"{world}: how often each nominal option is chosen in a round of 120 decisions; mean over seeds."
+        caption = f"{world}: how often each nominal option is chosen in a round of PPO; mean over seeds."
         picture = png(options_tried(table, world, MAIN))
         parts += [found, Picture("figure_5_8" if place == 0 else f"figure_5_8_{world}", picture, caption)]
     if last:

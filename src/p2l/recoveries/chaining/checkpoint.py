@@ -10,10 +10,12 @@ import torch
 
 from p2l.artifacts import load_network, save_network
 from p2l.errors import ArtifactError
-from p2l.recoveries.chaining.policy import Card
+from p2l.recoveries.chaining.policy import FILE as POLICY
+from p2l.recoveries.chaining.policy import Card, load_policy
 
 SCHEMA = "chain_checkpoint"
 FILE = "checkpoint.safetensors"
+SUMMARY = "summary.json"  # what a run leaves last
 
 
 @dataclass
@@ -58,6 +60,23 @@ def load_checkpoint(folder: Path, card: Card) -> Progress | None:
             "folder (hydra.run.dir=…)"
         )
     return Progress(**told, tensors=tensors)
+
+
+def finished(folder: Path, config_hash: str) -> bool:
+    """Whether a run of this configuration has left its policy, and no checkpoint to go on from, in `folder`.
+
+    Raises:
+        ArtifactError: a run of another configuration has, whose policy would be lost.
+    """
+    card, checkpoint = folder / f"{POLICY}.json", folder / FILE
+    if not card.is_file() or checkpoint.is_file():
+        return False
+    if load_policy(folder).card.config_hash != config_hash:
+        raise ArtifactError(
+            f"{folder}: holds the policy of a run with another configuration; delete it, or choose another folder "
+            "(hydra.run.dir=…)"
+        )
+    return (folder / SUMMARY).is_file()
 
 
 def drop_checkpoint(folder: Path) -> None:

@@ -1,7 +1,10 @@
 """The RecoveryChaining MDP as gymnasium and stable-baselines3 know environments, for users of other learners.
 
-`RecoveryEnv` is one episode at a time. `RecoveryVectorEnv` and `RecoveryVecEnv` are synchronous by contract: a step
-lasts until every row's action has played out, so that rows do wait there; `ppo` asks the pool itself and does not.
+`RecoveryEnv` is one episode at a time. A `step` of `RecoveryVectorEnv` and of `RecoveryVecEnv` is synchronous by
+contract: it lasts until every row's action has played out. With `send` and `recv`, the names that EnvPool gave them,
+rows of the former do not wait for each other; neither do they in `ppo`, which asks the pool itself.
+
+1. A bound on an episode's length is told as truncation, as both libraries have it; `ppo` takes it for the end.
 
 Axis letters: B rows, O observation columns.
 """
@@ -60,7 +63,16 @@ class RecoveryEnv(gymnasium.Env[Seen, int]):
 
 
 class RecoveryVectorEnv(VectorEnv[Seen, npt.NDArray[np.int64], npt.NDArray[Any]]):
-    """B episodes in step; an episode that ends starts over at once, its last observation in `final_obs`.
+    """B episodes; one that ends starts over at once, its last observation in `final_obs`.
+
+    All rows act together in `step`. Without waiting: `send` actions to rows that are not busy, and `recv` those whose
+    action has played out, `info["env_id"]` says which:
+
+        seen, _ = env.reset(seed=0)
+        env.send(policy(seen), np.arange(env.num_envs))
+        while training:
+            seen, reward, ended, cut, info = env.recv()
+            env.send(policy(seen), info["env_id"])
 
     Args:
         make: a pool from its starts and its number of slots.
@@ -88,15 +100,39 @@ class RecoveryVectorEnv(VectorEnv[Seen, npt.NDArray[np.int64], npt.NDArray[Any]]
     def step(
         self, actions: npt.NDArray[np.int64]
     ) -> tuple[Seen, Array, npt.NDArray[np.bool_], npt.NDArray[np.bool_], dict[str, Any]]:
-        """Play one action out in every row."""
-        told = _play(self._pool, np.asarray(actions, dtype=np.int64))
-        info: dict[str, Any] = {"control_steps": told.steps, "is_success": told.done}
-        if told.over.any():
-            last = np.empty(self.num_envs, dtype=object)
-            for row in np.flatnonzero(told.over):
-                last[row] = told.observation[row].astype(np.float32)
-            info |= {"final_obs": last, "_final_obs": told.over}
-        return told.next_observation.astype(np.float32), told.reward, told.over & ~told.cut, told.cut, info
+        """Play one action out in every row.
+
+        Raises:
+            ConfigError: a row is busy, or there is no such action.
+        """
+        return _answer(_play(self._pool, np.asarray(actions, dtype=np.int64)))
+
+    def send(self, actions: npt.NDArray[np.int64], env_id: npt.NDArray[np.int64]) -> None:
+        """Start `actions` [K] in the rows `env_id` [K].
+
+        Raises:
+            ConfigError: one of the rows is busy, or there is no such action.
+        """
+        self._pool.act(np.asarray(env_id, dtype=np.int64), np.asarray(actions, dtype=np.int64))
+
+    def recv(self) -> tuple[Seen, Array, npt.NDArray[np.bool_], npt.NDArray[np.bool_], dict[str, Any]]:
+        """The rows, at least one, whose action plays out first; all arrays are theirs [K].
+
+        Raises:
+            ConfigError: no row is busy.
+        """
+        return _answer(self._pool.poll())
+
+
+def _answer(told: Transitions) -> tuple[Seen, Array, npt.NDArray[np.bool_], npt.NDArray[np.bool_], dict[str, Any]]:
+    """What has played out, as gymnasium tells it."""
+    info: dict[str, Any] = {"env_id": told.slot, "control_steps": told.steps, "is_success": told.done}
+    if told.over.any():
+        last = np.empty(len(told.slot), dtype=object)
+        for row in np.flatnonzero(told.over):
+            last[row] = told.observation[row].astype(np.float32)
+        info |= {"final_obs": last, "_final_obs": told.over}
+    return told.next_observation.astype(np.float32), told.reward, told.over & ~told.cut, told.cut, info
 
 
 class RecoveryVecEnv(VecEnv):

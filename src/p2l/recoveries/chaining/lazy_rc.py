@@ -22,8 +22,9 @@ import numpy as np
 from sklearn.ensemble import ExtraTreesClassifier
 from sklearn.model_selection import train_test_split
 
+from p2l.errors import ConfigError
 from p2l.records import Array, BoolArray, IntArray
-from p2l.recoveries.chaining.learner import Learner, Task
+from p2l.recoveries.chaining.learner import Learner, Task, share, whole
 from p2l.recoveries.chaining.mdp import Limits, Transitions
 from p2l.seeding import entropy, generator
 from p2l.skills.primitives import PRIMITIVES
@@ -52,6 +53,14 @@ class LazySettings:
     support: int = 10
     audit: float = 0.1
     trees: int = 50
+
+    def __post_init__(self) -> None:
+        for name in ("outcomes", "of_either_kind", "refit_after", "support", "trees"):
+            if not whole(getattr(self, name), at_least=1):
+                raise ConfigError(f"lazy_rc: {name} must be an integer of at least 1, got {getattr(self, name)!r}")
+        for name in ("precision", "held_out", "audit"):  # without audits a run may end every episode unsimulated
+            if not share(getattr(self, name)):
+                raise ConfigError(f"lazy_rc: {name} must be a number above 0 and below 1, got {getattr(self, name)!r}")
 
 
 class Lazy:

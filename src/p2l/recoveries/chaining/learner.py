@@ -1,6 +1,6 @@
 """What a learner brings to PPO: its actions, its reward, where its episodes start, how its policy acts afterwards.
 
-A learner is one file with a function `learner(task, **settings) -> Learner`, and one line in `learners`.
+A learner is one file with a function `learner(task, limits, **settings) -> Learner`, and one line in `learners`.
 """
 
 from __future__ import annotations
@@ -27,6 +27,16 @@ def no_failures(world: str) -> ConfigError:
         f"no failures of world '{world}' to recover from; find some with `python -m stages.discover world={world} "
         f"hydra.run.dir=data/discover/{world}`, with more executions or more noise"
     )
+
+
+def whole(value: object, *, at_least: int) -> bool:
+    """Whether a parameter is an integer that is large enough."""
+    return isinstance(value, int) and not isinstance(value, bool) and value >= at_least
+
+
+def share(value: object) -> bool:
+    """Whether a parameter is a number strictly between 0 and 1."""
+    return isinstance(value, float) and 0.0 < value < 1.0
 
 
 @dataclass(frozen=True)

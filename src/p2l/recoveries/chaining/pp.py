@@ -11,9 +11,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from p2l.errors import ConfigError
 from p2l.records import Array, BoolArray
 from p2l.recoveries.chaining import preconditions
-from p2l.recoveries.chaining.learner import Learner, Task
+from p2l.recoveries.chaining.learner import Learner, Task, share, whole
 from p2l.recoveries.chaining.mdp import Limits, Played
 from p2l.recoveries.chaining.pool import first_state
 from p2l.seeding import generator
@@ -28,7 +29,15 @@ def learner(task: Task, limits: Limits, *, trajectories: int = 300, every: int =
         trajectories: nominal ones to learn the preconditions from.
         every: control steps between their states.
         threshold: probability from which a precondition counts as met.
+
+    Raises:
+        ConfigError: a parameter that makes no sense.
     """
+    for name, value in (("trajectories", trajectories), ("every", every)):
+        if not whole(value, at_least=1):
+            raise ConfigError(f"pp: {name} must be an integer of at least 1, got {value!r}")
+    if not share(threshold):
+        raise ConfigError(f"pp: threshold must be a number above 0 and below 1, got {threshold!r}")
     starts = task.world.sample(generator(task.seed, "pp", task.world.name, "trajectories"), trajectories)
     visited = preconditions.visit(task.world, task.nominal, starts, every=every)
     rng = generator(task.seed, "pp", task.world.name, "fit")

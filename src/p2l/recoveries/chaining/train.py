@@ -152,10 +152,12 @@ def train(
         settings: budget and rhythm.
         card: of the policy, its `told` still empty.
         folder: for the policy and the checkpoint.
-        report: told `round` and `evaluation` rows as they come.
+        report: told `round` and `evaluation` rows as they come, before them `resumed` with a checkpoint's steps.
     """
     progress = load_checkpoint(folder, card) or Progress()
     resumed = progress.control_steps
+    if resumed:
+        report("resumed", {"control_steps": resumed})
     rng = generator(task.seed, "chain_recoveries", task.world.name, "starts", resumed)
     pool = learner.pool(task, rng, settings.slots, settings.revisit)
     seed = entropy(task.seed, "chain_recoveries", task.world.name, "ppo", resumed) & (2**32 - 1)
@@ -223,7 +225,7 @@ class _Watcher(BaseCallback):
             self._evaluate()
 
     def finish(self) -> None:
-        """The last evaluation, after the last update."""
+        """The last evaluation: after the last update, unless the last rollout has just had one."""
         if self._progress.evaluations[-1]["control_steps"] < self._progress.control_steps:
             self._evaluate()
 
