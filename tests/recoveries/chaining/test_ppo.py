@@ -177,7 +177,7 @@ def test_bad_input_is_refused_before_anything_is_simulated(task, failures):
     with pytest.raises(ConfigError, match="unknown learner 'sac'; known: lazy_rc, pp, rc, rl"):
         make_learner("sac", task, Limits())
     for name, params, message in (
-        ("lazy_rc", {"audit": 0.0}, "lazy_rc: audit must be a number above 0 and below 1, got 0.0"),
+        ("lazy_rc", {"audit": 0.0}, "lazy_rc: audit must be a number above 0 and at most 1, got 0.0"),
         ("lazy_rc", {"precision": "high"}, "lazy_rc: precision must be a number above 0 and below 1, got 'high'"),
         ("lazy_rc", {"outcomes": 2.5}, "lazy_rc: outcomes must be an integer of at least 1, got 2.5"),
         ("pp", {"every": 0}, "pp: every must be an integer of at least 1, got 0"),

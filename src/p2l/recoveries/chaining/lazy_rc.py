@@ -58,9 +58,11 @@ class LazySettings:
         for name in ("outcomes", "of_either_kind", "refit_after", "support", "trees"):
             if not whole(getattr(self, name), at_least=1):
                 raise ConfigError(f"lazy_rc: {name} must be an integer of at least 1, got {getattr(self, name)!r}")
-        for name in ("precision", "held_out", "audit"):  # without audits a run may end every episode unsimulated
+        for name in ("precision", "held_out"):
             if not share(getattr(self, name)):
                 raise ConfigError(f"lazy_rc: {name} must be a number above 0 and below 1, got {getattr(self, name)!r}")
+        if not share(self.audit) and self.audit != 1.0:  # without audits a run may simulate nothing, and never end
+            raise ConfigError(f"lazy_rc: audit must be a number above 0 and at most 1, got {self.audit!r}")
 
 
 class Lazy:
