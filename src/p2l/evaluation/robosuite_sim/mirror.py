@@ -14,9 +14,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from scipy.spatial.transform import Rotation
 
-from p2l import poses
 from p2l.errors import ConfigError
 from p2l.records import Array, IntArray
 from p2l.sim.batch import Engine
@@ -109,11 +107,23 @@ class Mirror:
         readings: dict[tuple[int, int], Reading] = {
             (_POS, _SITE): lambda: np.array(data.get_site_xpos(name)),
             (_POS, _BODY): lambda: np.array(data.get_body_xpos(name)),
-            (_QUAT, _SITE): lambda: poses.quat(Rotation.from_matrix(data.get_site_xmat(name).reshape(3, 3))),
+            (_QUAT, _SITE): lambda: self._site_quat(name),
             (_QUAT, _BODY): lambda: np.array(data.get_body_xquat(name)),
         }
         label = model.sensor(index).name
         return readings.get((kind, on), lambda: np.array(self.raw(label)))
+
+    def _site_quat(self, name: str) -> Array:
+        """[4] orientation of a site with the sign that MuJoCo's own sensor gives: that of its body, by the joints.
+
+        A rotation matrix has lost the sign; where w is about 0, as of a hand that points down, any other choice of it
+        makes the reading jump from q to −q, and policies take one for the other's opposite.
+        """
+        model, data = self._environment.sim.model._model, self._environment.sim.data
+        site, quat = model.site(name), np.zeros(4)
+        body = model.body(int(site.bodyid[0])).name
+        mujoco.mju_mulQuat(quat, np.array(data.get_body_xquat(body)), site.quat)
+        return quat
 
     def raw(self, sensor: str) -> Array:
         """[d] present value of a sensor that robosuite has itself.
