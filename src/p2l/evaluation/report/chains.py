@@ -25,7 +25,8 @@ JUDGED_5_1 = (
 )
 JUDGED_5_2 = (
     "Policies of RC, unchanged, from failures that a misplaced shelf induces, or, in robosuite, those of its own "
-    "environment with its own controller and test of success. The thesis's rows are 5 attempts each on a real robot."
+    "environment with its own controller, its gains matched to the skills' impedance, and its own test of success. The "
+    "thesis's rows are 5 attempts each on a real robot."
 )
 SHOWN_STEPS = ("control_steps", "ratio", "reached")
 
