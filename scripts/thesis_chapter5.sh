@@ -14,7 +14,7 @@ root=$(git -C "$(dirname "${BASH_SOURCE[0]}")" rev-parse --show-toplevel)
 clone=${1:-$root/build/thesis}
 results=$root/results/thesis
 read -ra worlds <<< "${WORLDS:-pick_place shelf cluttered_shelf}"
-mkdir -p "$results/tables" "$results/figures" "$results/metrics"
+mkdir -p "$results/tables" "$results/figures" "$results/metrics" "$results/videos"
 
 learning=() judging=()
 if [ -n "${LEARNERS:-}" ]; then
@@ -44,6 +44,8 @@ for world in "${worlds[@]}"; do
   for name in figure_5_5 figure_5_8 figure_5_9; do
     cp "$clone/data/evaluate_chains/$world/$name.png" "$results/figures/${name}_$world.png"
   done
+  film=$clone/data/evaluate_chains/$world/videos/reuse.mp4
+  [ ! -f "$film" ] || cp "$film" "$results/videos/reuse_$world.mp4"
   for stage in discover chain_recoveries evaluate_chains; do
     cp "$clone/data/$stage/$world/summary.json" "$results/metrics/$stage-$world-summary.json"
   done
