@@ -40,6 +40,7 @@ from stages import ROOT
 
 ConfigT = TypeVar("ConfigT", bound=StageConfig)
 StageFunction = Callable[[ConfigT, Path, Tracker], None]
+Finished = Callable[[ConfigT, Path], str | None]
 
 PARENT_VARIABLE = "P2L_PARENT_RUN"
 CONFIG_FILE, LOG_FILE = "config.yaml", "stage.log"
@@ -55,13 +56,18 @@ class JobError(Exception):
         self.code = code
 
 
-def stage(name: str, schema: type[ConfigT]) -> Callable[[StageFunction[ConfigT]], Callable[[], None]]:
-    """Make a function the stage `name`, whose configuration is `conf/<name>.yaml` and obeys `schema`."""
+def stage(
+    name: str, schema: type[ConfigT], finished: Finished[ConfigT] | None = None
+) -> Callable[[StageFunction[ConfigT]], Callable[[], None]]:
+    """Make a function the stage `name`, whose configuration is `conf/<name>.yaml` and obeys `schema`.
+
+    `finished` says, before anything is written, what to tell of a run that is there already instead of running it.
+    """
 
     def decorate(function: StageFunction[ConfigT]) -> Callable[[], None]:
         @functools.wraps(function)
         def job(composed: DictConfig) -> None:
-            _job(name, schema, function, composed)
+            _job(name, schema, function, composed, finished)
 
         entry = hydra.main(config_path=str(ROOT / "conf"), config_name=name, version_base="1.3")(job)
 
@@ -127,7 +133,13 @@ def _one_message(error: BaseException) -> str:
     return "\n  ".join(dict.fromkeys(lines))
 
 
-def _job(name: str, schema: type[ConfigT], function: StageFunction[ConfigT], composed: DictConfig) -> None:
+def _job(
+    name: str,
+    schema: type[ConfigT],
+    function: StageFunction[ConfigT],
+    composed: DictConfig,
+    finished: Finished[ConfigT] | None,
+) -> None:
     """One run, alone or in a sweep; reports its own errors, then ends the process or, in a sweep, raises `JobError`."""
     settings = HydraConfig.get()
     out = Path(settings.runtime.output_dir)
@@ -137,7 +149,7 @@ def _job(name: str, schema: type[ConfigT], function: StageFunction[ConfigT], com
     kept = set(out.iterdir())
     _log_to(out)
     try:
-        _run(name, schema, function, composed, out)
+        _run(name, schema, function, composed, out, finished)
     except P2LError as error:
         _clear(out, kept)
         print(f"{title}: {error}", file=sys.stderr)
@@ -147,8 +159,18 @@ def _job(name: str, schema: type[ConfigT], function: StageFunction[ConfigT], com
         raise failed(1) from None
 
 
-def _run(name: str, schema: type[ConfigT], function: StageFunction[ConfigT], composed: DictConfig, out: Path) -> None:
+def _run(
+    name: str,
+    schema: type[ConfigT],
+    function: StageFunction[ConfigT],
+    composed: DictConfig,
+    out: Path,
+    finished: Finished[ConfigT] | None,
+) -> None:
     cfg = validate(resolve(composed), schema, "configuration")
+    if finished is not None and (told := finished(cfg, out)):
+        print(told)
+        return
     plain = cfg.model_dump(mode="json")
     card = RunCard(
         stage=name,

@@ -20,6 +20,7 @@ from p2l.recoveries.chaining.mdp import Limits
 from p2l.recoveries.chaining.ppo import PPOSettings
 from p2l.recoveries.chaining.record import Learnt, copy_policy, find_run, keep_run, learnt_of, run_item
 from p2l.recoveries.chaining.train import Split, TrainSettings, apart_of, card_of, split, train
+from p2l.registry import get_world
 from p2l.schema import ChainRecoveriesConfig
 from p2l.tracking import Tracker
 from stages._child import child
@@ -27,7 +28,18 @@ from stages._progress import training
 from stages._stage import stage
 
 
-@stage("chain_recoveries", ChainRecoveriesConfig)
+def already(cfg: ChainRecoveriesConfig, out: Path) -> str | None:
+    """What to tell where a single run of this configuration has finished in `out`.
+
+    Raises:
+        ArtifactError: one of another configuration has.
+    """
+    if cfg.compare or not finished(out, cfg.alone().hash):
+        return None
+    return f"{out}: this run has finished already; delete the folder, or choose another, to learn anew"
+
+
+@stage("chain_recoveries", ChainRecoveriesConfig, already)
 def run(cfg: ChainRecoveriesConfig, out: Path, track: Tracker) -> None:
     """Leave policy.safetensors with its card, rounds.csv, evaluations.csv and summary.json.
 
@@ -41,23 +53,33 @@ def run(cfg: ChainRecoveriesConfig, out: Path, track: Tracker) -> None:
         )
     failures = load_failures(cfg.failures, "train")
     check_params(failures, cfg.world.name, cfg.world.params, cfg.failures)
-    if (given := cfg.world.params.get("estimator")) != (own := failures.origin.params.get("estimator")):
-        raise ArtifactError(
-            f"{cfg.failures}: found under world.params.estimator={own}, not {given}; discover them under that one first"
-        )
+    _same_estimator(cfg, failures)
     if cfg.compare:
         _compare(cfg, failures, out, track)
         return
-    if finished(out, cfg.hash):
-        print(f"{out}: this run has finished already; delete the folder, or choose another, to learn anew")
-        return
-    learnt = _learn(cfg, _prepare(cfg, failures), out, track)
+    one = cfg.alone()
+    learnt = _learn(one, _prepare(one, failures), out, track)
     whose = {"learner": cfg.learner.name, "seed": cfg.seed}
     _tables(out, {name: getattr(learnt, name).assign(**whose) for name in ("rounds", "evaluations")}, track)
     save_json(out / SUMMARY, learnt.facts, schema="chain_summary", version=1)
     track.metrics(_told(learnt.facts))
     drop_checkpoint(out)
     print(f"{out}: the best policy succeeds in {learnt.facts['best_evaluation']:.0%} of its evaluation's episodes")
+
+
+def _same_estimator(cfg: ChainRecoveriesConfig, failures: Failures) -> None:
+    """Refuse to learn for another estimator than the one that the failures were found under."""
+    if cfg.world.params.get("estimator") == failures.origin.params.get("estimator"):
+        return
+    given, own = (  # a default may be what the other names
+        get_world(cfg.world.name, params).estimator.mode for params in (cfg.world.params, failures.origin.params)
+    )
+    if given != own:
+        raise ArtifactError(
+            f"{cfg.failures}: found under estimator={own}, the configuration says {given}; say "
+            f"world.params.estimator={own} here and in evaluate_chains, or run `python -m stages.discover "
+            f"world={cfg.world.name} estimator={given}`"
+        )
 
 
 def _compare(cfg: ChainRecoveriesConfig, failures: Failures, out: Path, track: Tracker) -> None:
@@ -81,6 +103,9 @@ def _compare(cfg: ChainRecoveriesConfig, failures: Failures, out: Path, track: T
     prepared = {(name, seed): _prepare(cfg.alone(name, seed), failures) for name, seed in firsts.items()}
     for (name, seed), item in missing.items():
         one, place = cfg.alone(name, seed), out / "runs" / f"s{seed}" / name
+        if (meanwhile := find_run(records, item, one.hash, _policies(out, name, seed))) is not None:
+            found[name, seed] = meanwhile  # another machine's, or another clone's, beside this one
+            continue
         ready = prepared.pop((name, seed), None) or _prepare(one, failures)
         with child(track, cfg, "chain_recoveries", name, seed, place) as told:
             found[name, seed] = _learn(one, ready, place / item.config_hash, told)

@@ -15,6 +15,7 @@ import pytest
 import torch
 from hydra import compose, initialize_config_dir
 from mlflow import MlflowClient
+from omegaconf import OmegaConf
 
 from p2l.artifacts import load_json, load_table
 from p2l.errors import ArtifactError, ConfigError
@@ -26,9 +27,10 @@ from p2l.recoveries.chaining.checkpoint import FILE
 from p2l.recoveries.chaining.execute import recover
 from p2l.recoveries.chaining.learners import register_learner
 from p2l.recoveries.chaining.policy import load_policy, policy_hash
-from p2l.schema import SCHEMAS, resolve, validate
+from p2l.schema import SCHEMAS, ChainRecoveriesConfig, resolve, validate
 from p2l.tracking import RunCard, Tracker, start
-from stages import chain_recoveries, discover, evaluate_chains, watch
+from stages import _stage, chain_recoveries, discover, evaluate_chains, watch
+from stages.chain_recoveries import already
 from tests.failures import pushing
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -256,7 +258,7 @@ def test_what_cannot_be_learnt_from_is_refused(found, tmp_path):
         run("chain_recoveries", tmp_path, failures=str(tmp_path / "none" / "failures_train.npz"))
     with pytest.raises(ArtifactError, match="expected those of 'door'"):
         learn(found, tmp_path, world={"name": "door", "params": {}})
-    with pytest.raises(ArtifactError, match=r"found under world\.params\.estimator=None, not exact; discover them"):
+    with pytest.raises(ArtifactError, match=r"under estimator=fixed, the configuration says exact; say world\.params"):
         learn(found, tmp_path, world={"name": "push", "params": {**PUSH["params"], "estimator": "exact"}})
     with pytest.raises(ConfigError, match="less than one round of 24 decisions of 10 control steps; give at least 240"):
         learn(found, tmp_path, budget=239)
@@ -282,15 +284,52 @@ def test_a_checkpoint_of_another_configuration_is_refused(found, tmp_path, monke
     assert json.loads((tmp_path / "summary.json").read_text())["control_steps"] == rounds["control_steps"].iloc[-1]
 
 
-def test_a_finished_run_is_neither_repeated_nor_overwritten(alone, found, tmp_path, capsys):
-    out = tmp_path / "out"
-    shutil.copytree(alone, out)
-    before = {path: (path.read_bytes(), path.stat().st_mtime_ns) for path in out.rglob("*") if path.is_file()}
-    learn(found, out)
+def test_a_finished_run_is_neither_repeated_nor_overwritten(found, tmp_path, monkeypatch, capsys):
+    """Started as the command line starts it, with a store."""
+    monkeypatch.setattr(_stage, "_command", lambda name: f"python -m stages.{name}")
+    out, store = tmp_path / "out", f"sqlite:///{tmp_path / 'runs.db'}"
+    out.mkdir()
+
+    def again(**changes):
+        with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
+            plain = resolve(compose("chain_recoveries", ["experiment=smoke"]))
+        plain["ppo"] |= SMALL
+        given = {"failures": str(found / "failures_train.npz"), "budget": 600, "slots": 8, "records": None}
+        plain |= {"item": "push", "world": PUSH, "tracking": {"enabled": True, "uri": store}, **given, **changes}
+        function = chain_recoveries.run.__wrapped__
+        _stage._run("chain_recoveries", ChainRecoveriesConfig, function, OmegaConf.create(plain), out, already)
+
+    def files():
+        return {path: (path.read_bytes(), path.stat().st_mtime_ns) for path in out.rglob("*") if path.is_file()}
+
+    again()
+    before = files()
+    assert {"policy.safetensors", "config.yaml", "run.json", "summary.json"} <= {path.name for path in before}
+    capsys.readouterr()
+    again()
     assert "this run has finished already" in capsys.readouterr().out
+    again(seeds=[3, 4])  # says nothing of a run that is alone
     with pytest.raises(ArtifactError, match="holds the policy of a run with another configuration"):
-        learn(found, out, budget=700)
-    assert before == {path: (path.read_bytes(), path.stat().st_mtime_ns) for path in out.rglob("*") if path.is_file()}
+        again(budget=700)
+    assert files() == before
+    client = MlflowClient(tracking_uri=store)
+    assert len(client.search_runs([client.get_experiment_by_name("chain_recoveries").experiment_id])) == 1
+
+
+def test_what_another_clone_has_learnt_meanwhile_is_not_learnt_again(found, learnt, tmp_path, monkeypatch):
+    learnt_here = []
+    prepare = chain_recoveries._prepare
+
+    def slow(cfg, failures):
+        shutil.copytree(learnt / "records", tmp_path / "records", dirs_exist_ok=True)
+        learnt_here.append(cfg.learner.name)
+        return prepare(cfg, failures)
+
+    monkeypatch.setattr(chain_recoveries, "_prepare", slow)
+    compare(found, tmp_path / "run", records=str(tmp_path / "records"), compare=["rc"])
+    assert learnt_here == ["rc"]
+    assert not (tmp_path / "run" / "runs").exists()
+    assert (tmp_path / "run" / "policies" / "rc" / "s0" / "policy.safetensors").is_file()
 
 
 def test_nobody_learns_if_one_of_those_compared_is_refused(found, tmp_path):
@@ -344,6 +383,8 @@ def test_a_killed_training_goes_on_in_the_same_run(found, tmp_path):
         row["control_steps"] for row in kept["evaluations"]
     ]
     assert evaluations["control_steps"].iloc[-1] >= TRACKED["budget"]
+    times = [row["seconds"] for row in kept["evaluations"]]  # another run would have others
+    assert evaluations["seconds"].iloc[: len(times)].tolist() == pytest.approx(times, rel=1e-5)
 
 
 def test_watch_films_a_failure_beside_its_recovery(alone, found, tmp_path, capsys):

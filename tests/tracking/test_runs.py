@@ -104,6 +104,15 @@ def test_a_killed_run_is_continued_under_its_id(store, client, tmp_path):
     assert client.get_run(killed).info.status == "FINISHED"
 
 
+def test_an_interrupted_run_is_continued_under_its_id(store, client, tmp_path):
+    with pytest.raises(KeyboardInterrupt), start(card(), tmp_path, tmp_path, uri=store) as first:
+        raise KeyboardInterrupt
+    with start(card(), tmp_path, tmp_path, uri=store) as second:
+        assert second.run_id == first.run_id
+        assert client.get_run(first.run_id).info.status == "RUNNING"
+    assert client.get_run(first.run_id).info.status == "FINISHED"
+
+
 def test_another_configuration_or_a_finished_run_is_not_continued(store, tmp_path):
     with start(card(), tmp_path, tmp_path, uri=store) as first:
         pass

@@ -90,9 +90,9 @@ class ChainRecoveriesConfig(WorldStageConfig):
         """The learner, or all that are compared."""
         return "learners" if self.compare else self.learner.name
 
-    def alone(self, learner: str, seed: int) -> ChainRecoveriesConfig:
-        """One run of those that are compared, as it would be configured for itself."""
-        chosen = {"learner": self.learners[learner], "seed": seed}
+    def alone(self, learner: str | None = None, seed: int | None = None) -> ChainRecoveriesConfig:
+        """One run without what does not concern it: `learner` with `seed` of those that are compared, or its own."""
+        chosen = {} if learner is None else {"learner": self.learners[learner], "seed": seed}
         return self.model_copy(update={**chosen, "compare": (), "seeds": (), "learners": {}, "records": None})
 
     @model_validator(mode="after")

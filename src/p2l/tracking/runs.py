@@ -196,7 +196,7 @@ def open_sweep(
 
 
 def _resume(client: MlflowClient, card: RunCard, out: Path, store: str) -> str | None:
-    """Id of the run that was killed in `out` under the same configuration, if the store still has it."""
+    """Id of the run that was killed or interrupted in `out` under the same configuration, if the store still has it."""
     try:
         kept = json.loads((out / RUN_FILE).read_text(encoding="utf-8"))
         if kept["config_hash"] != card.config_hash or kept["store"] != safe_uri(store):
@@ -204,7 +204,10 @@ def _resume(client: MlflowClient, card: RunCard, out: Path, store: str) -> str |
         run = client.get_run(kept["run_id"])
     except Exception:  # missing, half-written or of another store: a new run is right
         return None
-    return kept["run_id"] if run.info.status == "RUNNING" and run.info.lifecycle_stage == "active" else None
+    if run.info.status not in ("RUNNING", "KILLED") or run.info.lifecycle_stage != "active":
+        return None
+    client.update_run(kept["run_id"], status="RUNNING")
+    return str(kept["run_id"])
 
 
 def _create(client: MlflowClient, card: RunCard, store: str) -> str:

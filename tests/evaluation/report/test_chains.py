@@ -1,5 +1,8 @@
 """Chapter 5's sections over tables made by hand: agreement with the thesis, headline numbers, and worlds left out."""
 
+import shutil
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -113,6 +116,21 @@ def test_lazy_learning_is_set_against_rc_where_several_seeds_were_trained():
     [told] = chain_readings.of_laziness(cells)
     assert told.endswith("in percentage points: shelf -2.3 [-6.0, +1.4].")
     assert chain_readings.of_laziness({}) == []
+
+
+def test_learners_of_ones_own_and_several_seeds_are_on_the_page(made, tmp_path):
+    data = tmp_path / "data"
+    shutil.copytree(made.data, data)
+    file = data / "evaluate_chains" / "shelf" / "table_5_1.csv"
+    table = pd.read_csv(file)
+    own = table[table["method"] == "pp"].assign(method="short")
+    lazy = {"method": "lazy_rc", "setting": "world=shelf", "metric": "success_minus_rc"}
+    lazy |= {"mean": -0.02, "low": -0.06, "high": 0.02, "n": 5}
+    pd.concat([table, own, pd.DataFrame([lazy])], ignore_index=True).to_csv(file, index=False)
+    section = chains.table_5_1(replace(made, data=data))
+    [sheet] = section.sheets
+    assert sheet.head == ["", "Nominal", "Nominal + RC", "Nominal + Lazy RC", "Nominal + PP", "RL", "Nominal + short"]
+    assert any(isinstance(part, str) and "shelf -2.0 [-6.0, +2.0]" in part for part in section.parts)
 
 
 def test_curves_and_options_come_with_their_tables(made):

@@ -63,6 +63,9 @@ def test_rows_of_the_vector_environment_are_episodes_of_the_single_one(make, fai
 def test_rows_that_are_sent_to_do_not_wait_for_a_longer_action(make, failures):
     env = RecoveryVectorEnv(make, failures, 2)
     env.reset(seed=0)
+    for actions, rows in (([4], [0, 1]), ([4, 5], [0, 0]), ([4], [2]), ([4], [-1]), ([4, 4], [True, False])):
+        with pytest.raises(ConfigError, match=r"slots must be different integers in \[0, 2\)"):
+            env.send(np.array(actions), np.array(rows))
     env.send(np.array([ALIGN, 4]), np.arange(2))
     order, steps = [], []
     while 0 not in order:

@@ -130,7 +130,8 @@ SECTIONS: tuple[Callable[[Sources], Section], ...] = (table_5_1, figure_5_5, fig
 
 def _success(name: str, table: pd.DataFrame, cells: readings.Cells) -> Sheet:
     """A row per world, a column per method; the thesis's numbers below ours."""
-    methods = [method for method in METHODS if method in set(table["method"])]
+    found = [str(method) for method in table["method"].unique()]
+    methods = sorted(found, key=lambda method: [*METHODS, method].index(method))  # those of one's own come last
     rows = []
     for setting in dict.fromkeys(pooled(table)["setting"]):
         ours, thesis = [spoken(setting)], ["– thesis"]
@@ -144,7 +145,7 @@ def _success(name: str, table: pd.DataFrame, cells: readings.Cells) -> Sheet:
     caption = (
         f"Overall success with 95 % intervals, up to {episodes} episodes each; recoveries and seeds are in the file."
     )
-    return Sheet(name, table, ["", *(METHODS[method] for method in methods)], rows, caption)
+    return Sheet(name, table, ["", *(METHODS.get(method, f"Nominal + {method}") for method in methods)], rows, caption)
 
 
 def _ends(curves: pd.DataFrame) -> pd.DataFrame:

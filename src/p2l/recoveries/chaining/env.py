@@ -111,9 +111,9 @@ class RecoveryVectorEnv(VectorEnv[Seen, npt.NDArray[np.int64], npt.NDArray[Any]]
         """Start `actions` [K] in the rows `env_id` [K].
 
         Raises:
-            ConfigError: one of the rows is busy, or there is no such action.
+            ConfigError: one of the rows is busy or named twice, or there is no such row or action.
         """
-        self._pool.act(np.asarray(env_id, dtype=np.int64), np.asarray(actions, dtype=np.int64))
+        self._pool.act(np.asarray(env_id), np.asarray(actions, dtype=np.int64))
 
     def recv(self) -> tuple[Seen, Array, npt.NDArray[np.bool_], npt.NDArray[np.bool_], dict[str, Any]]:
         """The rows, at least one, whose action plays out first; all arrays are theirs [K].

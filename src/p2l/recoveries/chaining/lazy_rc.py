@@ -55,9 +55,11 @@ class LazySettings:
     trees: int = 50
 
     def __post_init__(self) -> None:
-        for name in ("outcomes", "of_either_kind", "refit_after", "support", "trees"):
-            if not whole(getattr(self, name), at_least=1):
-                raise ConfigError(f"lazy_rc: {name} must be an integer of at least 1, got {getattr(self, name)!r}")
+        least = {"outcomes": 1, "of_either_kind": 2, "refit_after": 1, "support": 1, "trees": 1}  # 2: one is held out
+        for name, number in least.items():
+            if not whole(getattr(self, name), at_least=number):
+                told = getattr(self, name)
+                raise ConfigError(f"lazy_rc: {name} must be an integer of at least {number}, got {told!r}")
         for name in ("precision", "held_out"):
             if not share(getattr(self, name)):
                 raise ConfigError(f"lazy_rc: {name} must be a number above 0 and below 1, got {getattr(self, name)!r}")

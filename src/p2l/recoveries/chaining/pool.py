@@ -106,8 +106,9 @@ class Pool:
         """Start `actions` [K] in `slots` [K].
 
         Raises:
-            ConfigError: a slot is not waiting, or there is no such action.
+            ConfigError: a slot is not waiting, is named twice, or not one of the pool's, or there is no such action.
         """
+        self._refuse_unknown(slots, actions)
         self._refuse_busy(slots)
         if not np.isin(actions, np.arange(len(self.actions))).all():
             raise ConfigError(f"pool: actions must lie in [0, {len(self.actions)}), got {actions.tolist()}")
@@ -248,6 +249,14 @@ class Pool:
             self._seen = Observation(seen.columns, np.zeros((len(self), seen.values.shape[1])))
         self._seen.values[slots] = seen.values
         return seen
+
+    def _refuse_unknown(self, slots: IntArray, actions: IntArray) -> None:
+        named = slots.dtype.kind == "i" and slots.ndim == 1 and slots.shape == actions.shape
+        if not named or ((slots < 0) | (slots >= len(self))).any() or len(np.unique(slots)) < len(slots):
+            raise ConfigError(
+                f"pool: slots must be different integers in [0, {len(self)}), one for each of {actions.size} actions, "
+                f"got {slots.tolist()}"
+            )
 
     def _refuse_busy(self, slots: IntArray) -> None:
         if not self.waiting[slots].all():
