@@ -111,5 +111,6 @@ def test_steps_to_the_thesis_are_those_of_the_first_two_evaluations_that_are_goo
     table = steps_to_thesis(made, {"pick_place": [lucky, steady, flat]}, thesis)
     assert cell(table, "rc", "reached")["mean"] == 0.5
     assert cell(table, "rc", "control_steps")["mean"] == (150 + 100) / 2
+    assert cell(table, "rc", "control_steps")["low"] == 0.0, "no run takes less than nothing"
     assert cell(table, "rc", "ratio")["mean"] == pytest.approx(125.0 / 500_000)
     assert set(table["method"]) == {"rc"}

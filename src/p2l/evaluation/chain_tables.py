@@ -154,7 +154,8 @@ def steps_to_thesis(table: pd.DataFrame, runs: Mapping[str, Iterable[Learning]],
             ]
             for name, values in (("control_steps", np.array(spent)), ("ratio", np.array(spent) / BUDGET)):
                 found = t_interval(values)
-                rows.append((learner, setting, name, *_limits(found.mean, found.low, found.high), found.n))
+                low = np.maximum(found.low, 0.0)  # t limits of few and very unequal runs reach below
+                rows.append((learner, setting, name, *_limits(found.mean, low, found.high), found.n))
             rows.append((learner, setting, "reached", reached, np.nan, np.nan, len(own)))
     return thesis.beside(_frame(rows), "steps_to_thesis")
 
