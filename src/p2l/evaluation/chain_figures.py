@@ -19,6 +19,8 @@ LEARNERS: dict[str, MethodStyle] = {
     "pp": MethodStyle("PP", "#D55E00", "^"),
     "rl": MethodStyle("RL", "#555555", "X"),
 }
+MAIN = "rc"
+BESIDE_MAIN = "success_minus_rc"
 OWN_COLOURS = ("#009E73", "#CC79A7", "#E69F00", "#000000")  # of learners that are not the thesis's, by name
 OPTION_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00")
 

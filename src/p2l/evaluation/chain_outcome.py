@@ -14,7 +14,7 @@ from p2l.evaluation import chain_tables as tables
 from p2l.evaluation.chain_ablation import OWN, ablation_5
 from p2l.evaluation.chain_ablation import TABLE as ABLATION
 from p2l.evaluation.chain_episodes import totals
-from p2l.evaluation.chain_figures import learning_curves, options_tried
+from p2l.evaluation.chain_figures import MAIN, learning_curves, options_tried
 from p2l.evaluation.chain_reuse_figure import TABLE as REUSE
 from p2l.evaluation.chain_reuse_figure import figure_5_9, novel_starts
 from p2l.evaluation.chain_strategies import TABLE as STRATEGIES
@@ -80,7 +80,7 @@ def chain_report(out: Path, found: Evaluated, thesis: Path) -> tuple[dict[str, f
     told, runs = load_thesis(thesis, CHAPTER), {found.item: found.runs}
     made = {tables.TABLE: tables.table_5_1({found.item: found.episodes}, told)}
     made[TRANSFERS] = table_5_2(found.item, found.transfers, told)
-    own = {OWN: found.episodes[found.episodes["learner"] == tables.MAIN]}
+    own = {OWN: found.episodes[found.episodes["learner"] == MAIN]}
     made[ABLATION] = ablation_5(found.item, {**own, **found.ablation}, told)
     made[STRATEGIES] = strategies_5(found.item, found.reuse, told)
     made[REUSE] = figure_5_9(found.item, found.reuse, told)
@@ -89,8 +89,8 @@ def chain_report(out: Path, found: Evaluated, thesis: Path) -> tuple[dict[str, f
     made[STEPS] = tables.steps_to_thesis(made[tables.TABLE], runs, told)
     figures = {
         tables.CURVES: learning_curves(made[tables.CURVES]),
-        tables.TRIED: options_tried(made[tables.TRIED], found.item, tables.MAIN),
-        REUSE: novel_starts(made[REUSE], found.item, tables.MAIN),
+        tables.TRIED: options_tried(made[tables.TRIED], found.item, MAIN),
+        REUSE: novel_starts(made[REUSE], found.item, MAIN),
     }
     save_sheets(out, made, figures)
     facts = {str(learner): totals(part) for learner, part in found.episodes.groupby("learner", sort=False)}

@@ -13,6 +13,7 @@ import numpy as np
 import pandas as pd
 
 from p2l.evaluation.chain_episodes import totals
+from p2l.evaluation.chain_figures import BESIDE_MAIN, MAIN
 from p2l.evaluation.statistics import paired_difference, t_interval
 from p2l.evaluation.tables import COLUMNS, Row
 from p2l.evaluation.thesis import Thesis
@@ -20,8 +21,6 @@ from p2l.records import Array
 
 BUDGET = 500_000  # control steps that the thesis gives every learner
 TABLE, CURVES, TRIED = "table_5_1", "figure_5_5", "figure_5_8"
-MAIN = "rc"
-BESIDE_MAIN = "success_minus_rc"
 
 
 @dataclass(frozen=True)

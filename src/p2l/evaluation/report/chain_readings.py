@@ -7,7 +7,7 @@ from typing import Any
 
 import pandas as pd
 
-from p2l.evaluation.chain_tables import BESIDE_MAIN, MAIN
+from p2l.evaluation.chain_figures import BESIDE_MAIN, MAIN
 from p2l.evaluation.report.page import Agreement, Reading
 
 Claims = Mapping[tuple[str, str], str]

@@ -6,8 +6,8 @@ from collections.abc import Callable
 
 import pandas as pd
 
+from p2l.evaluation.chain_figures import MAIN
 from p2l.evaluation.chain_reuse_figure import ANY, novel_starts
-from p2l.evaluation.chain_tables import MAIN
 from p2l.evaluation.report.chain_readings import percent
 from p2l.evaluation.report.chain_views import CHAPTER, STAGE, commands, left_out, sheet, stacked
 from p2l.evaluation.report.page import Agreement, Films, Part, Picture, Reading, Section

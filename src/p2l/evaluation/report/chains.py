@@ -7,8 +7,7 @@ from collections.abc import Callable
 
 import pandas as pd
 
-from p2l.evaluation.chain_figures import learning_curves, options_tried
-from p2l.evaluation.chain_tables import MAIN
+from p2l.evaluation.chain_figures import MAIN, learning_curves, options_tried
 from p2l.evaluation.report import chain_readings as readings
 from p2l.evaluation.report.chain_views import CHAPTER, METHODS, commands, left_out, sheet, stacked
 from p2l.evaluation.report.page import Part, Picture, Section, Sheet
