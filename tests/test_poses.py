@@ -48,3 +48,15 @@ def test_the_angle_between_is_scipys_to_the_bit(seed, apart):
     ).magnitude()
     assert_array_equal(poses.angle(first, second), scipys)
     assert_array_equal(poses.angle(first, -first), 0.0)
+
+
+@given(st.integers(0, 10_000))
+def test_rotate_is_scipys_apply_and_a_row_alone_is_the_row_among_others(seed):
+    rng = np.random.default_rng(seed)
+    turns, vectors = poses.rotation(quats(seed, 7)), rng.normal(size=(7, 3))
+    turned = poses.rotate(turns, vectors)
+    np.testing.assert_allclose(turned, turns.apply(vectors), atol=1e-14)
+    np.testing.assert_allclose(poses.rotate(turns, [0.0, 1.0, 0.0]), turns.apply([0.0, 1.0, 0.0]), atol=1e-15)
+    np.testing.assert_allclose(poses.rotate(turns[2], vectors), turns[2].apply(vectors), atol=1e-14)
+    for size in (1, 2, 4):
+        assert_array_equal(poses.rotate(turns[:size], vectors[:size]), turned[:size])

@@ -52,7 +52,8 @@ def _tests(world: World, before: Rows, after: Rows) -> dict[str, BoolArray]:
         from p2l.worlds.pick_place import BIN1_POS_M, BIN_INNER_HALF_M, FLOOR_M
 
         axes = [
-            poses.rotation(quarter_turn(world.observe(rows))).apply([1.0, 0.0, 0.0])[:, :2] for rows in (before, after)
+            poses.rotate(poses.rotation(quarter_turn(world.observe(rows))), [1.0, 0.0, 0.0])[:, :2]
+            for rows in (before, after)
         ]
         room = [
             (BIN_INNER_HALF_M - np.abs(one["object_pos_m"][:, :2] - BIN1_POS_M[:2])).min(axis=1) for one in (was, now)

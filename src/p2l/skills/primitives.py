@@ -58,7 +58,7 @@ class Primitive:
     def begin(self, seen: Observation) -> Array:
         """The present target, the new one, and the gripper's command; a translation keeps the orientation asked for."""
         turned = poses.rotation(seen["target_quat"])
-        pos = seen["grip_pos_m"] + turned.apply(self.shift_m)
+        pos = seen["grip_pos_m"] + poses.rotate(turned, self.shift_m)
         quat = poses.quat(turned * self._turn)
         grip = seen["grip_command"] if self.grip is None else np.full((len(seen), 1), self.grip)
         return np.concatenate([seen["target_pos_m"], seen["target_quat"], pos, quat, grip], axis=1)

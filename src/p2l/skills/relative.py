@@ -49,7 +49,7 @@ def waypoints(seen: Observation, parameters: Array) -> Waypoints:
     """The motion of N rows with `parameters` [N, P], from where the hand is."""
     given = parameters.reshape(len(seen), WAYPOINTS, 7)
     hand = poses.rotation(seen["grip_quat"])
-    pos = [seen["grip_pos_m"] + hand.apply(given[:, leg, :3]) for leg in range(WAYPOINTS)]
+    pos = [seen["grip_pos_m"] + poses.rotate(hand, given[:, leg, :3]) for leg in range(WAYPOINTS)]
     quat = [poses.quat(hand * Rotation.from_rotvec(given[:, leg, 3:6])) for leg in range(WAYPOINTS)]
     return Waypoints(np.stack(pos, axis=1), np.stack(quat, axis=1), (given[:, :, 6] > 0.0).astype(np.float64))
 
@@ -66,7 +66,7 @@ def straight(seen: Observation, pos: Array, quat: Array, closed: BoolArray) -> A
         closed: [N] whether the fingers are closed.
     """
     hand = poses.rotation(seen["grip_quat"]).inv()
-    away = hand.apply(pos - seen["grip_pos_m"])
+    away = poses.rotate(hand, pos - seen["grip_pos_m"])
     turn = (hand * poses.rotation(quat)).as_rotvec()
     grip = np.where(closed, 1.0, -1.0)[:, None]
     whole = np.concatenate([away, turn, grip], axis=1)

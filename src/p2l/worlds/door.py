@@ -175,7 +175,7 @@ class Door(RobotWorld):
     def _handle(self, rows: Rows, error: Array) -> Fields:
         """The handle, displaced by `error` [N, 3]."""
         pos, quat = self.read(rows, "handle_pos") + error, self.read(rows, "handle_quat")
-        away = poses.rotation(quat).inv().apply(self.read(rows, "grip_pos") - pos)
+        away = poses.rotate(poses.rotation(quat).inv(), self.read(rows, "grip_pos") - pos)
         return {
             "handle_pos_m": pos,
             "handle_quat": quat,
@@ -191,7 +191,7 @@ class Door(RobotWorld):
         """
         at = np.asarray(self._handle(rows, np.zeros((len(rows), 3)))["grip_in_handle_m"])
         frame = poses.rotation(self.read(rows, "handle_quat")).inv() * poses.rotation(self.read(rows, "grip_quat"))
-        closing = frame.apply([1.0, 0.0, 0.0])
+        closing = poses.rotate(frame, [1.0, 0.0, 0.0])
         first, second = (np.abs(self.joint(rows, finger))[:, None] for finger in FINGERS)
         one, other = at - closing * first, at + closing * second
         across = one[:, 2] - other[:, 2]
@@ -214,7 +214,7 @@ class Door(RobotWorld):
         closed, was, depth = np.where(command.grip[:, None] > 0.5, before.memory, 0.0).T
         closed = np.where(command.grip > 0.5, closed + 1.0, 0.0)
         held = self.held(after) & (closed >= CLOSING_STEPS)
-        normal = poses.rotation(self.furniture(after, FURNITURE)[:, 3:]).apply([1.0, 0.0, 0.0])
+        normal = poses.rotate(poses.rotation(self.furniture(after, FURNITURE)[:, 3:]), [1.0, 0.0, 0.0])
         target = (command.pos * normal).sum(axis=1)
         depth = np.where(held & (was == NONE), target, depth)
         slipped = (was == HELD) & ~held

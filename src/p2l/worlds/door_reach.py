@@ -65,9 +65,9 @@ def _ways(
     down = poses.about(into, np.full(len(pos), np.pi / 2))
     swing = poses.about([0.0, 0.0, 1.0], np.full(len(pos), open_rad))
     axis, hinge = axis_of(pos, quat), hinge_of(pos, quat)
-    turned = axis + down.apply(held - axis)
+    turned = axis + poses.rotate(down, held - axis)
     turned_quat = down * poses.rotation(grasp)
-    opened = hinge + swing.apply(turned - hinge)
+    opened = hinge + poses.rotate(swing, turned - hinge)
     return (held, grasp), (turned, poses.quat(turned_quat)), (opened, poses.quat(swing * turned_quat))
 
 

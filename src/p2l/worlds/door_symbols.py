@@ -50,7 +50,7 @@ class DoorSymbols:
     def state(self, known: Privileged | Observation) -> Array:
         """Position and rotation vector of the hand, from the handle and from the nominal grasp's orientation."""
         lever = poses.rotation(known["handle_quat"]).inv()
-        away = lever.apply(known["grip_pos_m"] - known["handle_pos_m"])
+        away = poses.rotate(lever, known["grip_pos_m"] - known["handle_pos_m"])
         turn = (lever * poses.rotation(known["grip_quat"]) * self._nominal.inv()).as_rotvec()
         gap = GAPS_M[np.digitize(known["gap_m"], [EMPTY_BELOW_M, OPEN_ABOVE_M])]
         return np.concatenate([away, turn, gap, known["hinge_rad"], known["latch_rad"]], axis=1)
@@ -59,13 +59,13 @@ class DoorSymbols:
         """Turns the lever about its axis and the door about its hinge until both are as in `state`."""
         state = np.array(state)  # scipy reads only arrays that it could write to
         pos, lever = known["handle_pos_m"], poses.rotation(known["handle_quat"])
-        latch = poses.about(lever.apply([0.0, 1.0, 0.0]), state[:, 8] - known["latch_rad"][:, 0])
+        latch = poses.about(poses.rotate(lever, [0.0, 1.0, 0.0]), state[:, 8] - known["latch_rad"][:, 0])
         hinge = poses.about(UP, state[:, 7] - known["hinge_rad"][:, 0])
         axis, post = axis_of(pos, known["handle_quat"]), hinge_of(pos, known["handle_quat"])
-        pos = post + hinge.apply(axis + latch.apply(pos - axis) - post)
+        pos = post + poses.rotate(hinge, axis + poses.rotate(latch, pos - axis) - post)
         lever = hinge * latch * lever
         quat = lever * Rotation.from_rotvec(state[:, 3:6]) * self._nominal
-        return pos + lever.apply(state[:, :3]), poses.quat(quat)
+        return pos + poses.rotate(lever, state[:, :3]), poses.quat(quat)
 
     def closed(self, state: Array) -> BoolArray:
         """By the gap."""

@@ -120,17 +120,17 @@ def grasp_pose(handle_pos: Array, handle_quat: Array, finger_sign: float) -> tup
         finger_sign: 1 or −1, which of the two equivalent ways round the fingers are.
     """
     lever = poses.rotation(handle_quat)
-    into = lever.apply([0.0, 1.0, 0.0])
-    quat = poses.frame(lever.apply([0.0, 0.0, finger_sign]), into)
-    return handle_pos + lever.apply([-GRASP_FROM_SITE_M, GRASP_DEEPER_M, 0.0]), quat, into
+    into = poses.rotate(lever, [0.0, 1.0, 0.0])
+    quat = poses.frame(poses.rotate(lever, [0.0, 0.0, finger_sign]), into)
+    return handle_pos + poses.rotate(lever, [-GRASP_FROM_SITE_M, GRASP_DEEPER_M, 0.0]), quat, into
 
 
 def axis_of(handle_pos: Array, handle_quat: Array) -> Array:
     """[N, 3] where the nominal handle's axis of rotation is, given its position and orientation; world frame, m."""
-    return handle_pos - poses.rotation(handle_quat).apply([NOMINAL.site_m, 0.0, 0.0])
+    return handle_pos - poses.rotate(poses.rotation(handle_quat), [NOMINAL.site_m, 0.0, 0.0])
 
 
 def hinge_of(handle_pos: Array, handle_quat: Array) -> Array:
     """[N, 3] where the nominal door's hinge is, at the height of the handle's axis; world frame, m."""
-    into = poses.rotation(handle_quat).apply([0.0, 1.0, 0.0])
+    into = poses.rotate(poses.rotation(handle_quat), [0.0, 1.0, 0.0])
     return axis_of(handle_pos, handle_quat) + HINGE_FROM_AXIS_M * np.cross(into, [0.0, 0.0, 1.0]) + LEVER_OUT_M * into

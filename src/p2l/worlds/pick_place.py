@@ -149,7 +149,7 @@ class PickPlace(RobotWorld):
         return body | {
             "object_pos_m": pos,
             "object_quat": self.read(rows, "object_quat"),
-            "object_in_grip_m": poses.rotation(body["grip_quat"]).inv().apply(pos - body["grip_pos_m"]),
+            "object_in_grip_m": poses.rotate(poses.rotation(body["grip_quat"]).inv(), pos - body["grip_pos_m"]),
             "hand_room_m": hand_room(pos, np.asarray(body["grip_quat"])),
             "force_n": np.linalg.norm(self.read(rows, WRIST_FORCE), axis=1),
         }
@@ -167,7 +167,7 @@ class PickPlace(RobotWorld):
             "finger_vel_m_s": velocity[:, self._finger_dofs],
             "object_pos_m": pos,
             "object_quat": self.read(rows, "object_quat"),
-            "object_in_grip_m": hand.apply(pos - body["grip_pos_m"]),
+            "object_in_grip_m": poses.rotate(hand, pos - body["grip_pos_m"]),
             "object_in_grip_quat": poses.quat(hand * poses.rotation(self.read(rows, "object_quat"))),
             "force_high": rows.memory[:, _FORCE],
             "actions": rows.actions,
@@ -221,7 +221,7 @@ def hand_room(object_pos: Array, grip_quat: Array) -> Array:
         object_pos: [N, 3] world frame, m.
         grip_quat: [N, 4] of the grip site.
     """
-    along = np.abs(poses.rotation(grip_quat).apply([1.0, 0.0, 0.0])[:, :2])
+    along = np.abs(poses.rotate(poses.rotation(grip_quat), [1.0, 0.0, 0.0])[:, :2])
     free = BIN_INNER_HALF_M - np.abs(object_pos[:, :2] - BIN1_POS_M[:2])
     return np.asarray(np.where(along[:, 0] > along[:, 1], free[:, 0], free[:, 1]) - HAND_HALF_M)
 

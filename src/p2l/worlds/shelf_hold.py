@@ -24,7 +24,7 @@ InHand = tuple[Array, Rotation]  # position [N, 3], m, and orientation of the th
 def in_hand(grip_pos: Array, grip_quat: Array, object_pos: Array, object_quat: Array) -> InHand:
     """The pose in the hand from poses in the world: positions [N, 3], quaternions [N, 4]."""
     hand = poses.rotation(grip_quat).inv()
-    return np.asarray(hand.apply(object_pos - grip_pos)), hand * poses.rotation(object_quat)
+    return np.asarray(poses.rotate(hand, object_pos - grip_pos)), hand * poses.rotation(object_quat)
 
 
 def hold(memory: Array, closed: BoolArray, up: BoolArray, before: InHand, after: InHand) -> Array:

@@ -52,7 +52,7 @@ def options(world: Door, motion: Motion = Motion()) -> tuple[Follow, ...]:
 
     def rotate(seen: Observation) -> Waypoints:
         centre = axis_of(seen["handle_pos_m"], seen["handle_quat"])
-        into = poses.rotation(seen["handle_quat"]).apply([0.0, 1.0, 0.0])
+        into = poses.rotate(poses.rotation(seen["handle_quat"]), [0.0, 1.0, 0.0])
         return _arc(seen, centre, into, motion.latch_rad - seen["latch_rad"][:, 0], 3)
 
     def pull(seen: Observation) -> Waypoints:
@@ -73,7 +73,7 @@ def _arc(seen: Observation, centre: Array, axis: Array, angle: Array, legs: int)
     """
     pos, quat = seen["target_pos_m"], poses.rotation(seen["target_quat"])
     turns = [poses.about(axis, angle * (leg + 1) / legs) for leg in range(legs)]
-    way = np.stack([centre + turn.apply(pos - centre) for turn in turns], axis=1)
+    way = np.stack([centre + poses.rotate(turn, pos - centre) for turn in turns], axis=1)
     return Waypoints(way, np.stack([poses.quat(turn * quat) for turn in turns], axis=1), np.ones((len(seen), legs)))
 
 
@@ -81,8 +81,8 @@ def can_reach(truth: Privileged) -> BoolArray:
     """Door shut, handle at rest, fingers open; the hand is in front of the handle and about faces the door."""
     along, depth, across = truth["grip_in_handle_m"].T
     lever, hand = poses.rotation(truth["handle_quat"]).inv(), poses.rotation(truth["grip_quat"])
-    faces = (lever * hand).apply([0.0, 0.0, 1.0])[:, 1] > FACING
-    upright = np.abs((lever * hand).apply([1.0, 0.0, 0.0])[:, 2]) > FACING
+    faces = poses.rotate(lever * hand, [0.0, 0.0, 1.0])[:, 1] > FACING
+    upright = np.abs(poses.rotate(lever * hand, [1.0, 0.0, 0.0])[:, 2]) > FACING
     beside = np.hypot(along - AXIS_TO_GRASP_M, across)
     rest = (truth["hinge_rad"][:, 0] < 0.02) & (np.abs(truth["latch_rad"][:, 0]) < 0.1)
     return np.asarray(

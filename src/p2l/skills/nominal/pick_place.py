@@ -59,7 +59,7 @@ def quarter_turn(seen: Observation) -> Array:
     """[N, 4] the orientation facing down with the quarter turn that the hand's target is closest to."""
     hand = poses.rotation(seen["target_quat"])
     down = np.tile(DOWN, (len(seen), 1))
-    x_axis, y_axis = hand.apply([1.0, 0.0, 0.0]), hand.apply([0.0, 1.0, 0.0])
+    x_axis, y_axis = poses.rotate(hand, [1.0, 0.0, 0.0]), poses.rotate(hand, [0.0, 1.0, 0.0])
     steep = np.linalg.norm(x_axis[:, :2], axis=1) < 0.5  # the hand lies on its side: the other axis tells the turn
     x_axis[steep] = np.cross(y_axis[steep], down[steep])
     quarters = np.round(np.arctan2(x_axis[:, 1], x_axis[:, 0]) / (np.pi / 2)) * np.pi / 2
@@ -135,4 +135,4 @@ def _in_hand(truth: Privileged) -> BoolArray:
 
 
 def _faces_down(truth: Privileged) -> BoolArray:
-    return np.asarray(poses.rotation(truth["grip_quat"]).apply([0.0, 0.0, 1.0])[:, 2] < -0.9)
+    return np.asarray(poses.rotate(poses.rotation(truth["grip_quat"]), [0.0, 0.0, 1.0])[:, 2] < -0.9)
