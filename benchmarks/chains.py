@@ -26,14 +26,14 @@ from omegaconf import DictConfig, OmegaConf
 from benchmarks import report
 from benchmarks.simulation import Recorder
 from p2l import registry
+from p2l.chaining.learner import Task
+from p2l.chaining.learners.table import known_learners, make_learner
+from p2l.chaining.mdp import Limits
+from p2l.chaining.ppo import PoolPPO, PPOSettings
+from p2l.chaining.train import card_of
+from p2l.contracts.world import NO_FAILURE
 from p2l.errors import ConfigError
-from p2l.recoveries.chaining.learner import Task
-from p2l.recoveries.chaining.learners import known_learners, make_learner
-from p2l.recoveries.chaining.mdp import Limits
-from p2l.recoveries.chaining.ppo import PoolPPO, PPOSettings
-from p2l.recoveries.chaining.train import card_of
 from p2l.skills import chain
-from p2l.worlds.world import NO_FAILURE
 
 CONF = Path(__file__).resolve().parents[1] / "conf"
 STARTS = 400  # nominal executions, to find failures

@@ -18,10 +18,10 @@ import numpy as np
 
 from benchmarks import report
 from p2l import registry
+from p2l.contracts.world import NO_FAILURE
 from p2l.evaluation.statistics import wilson_interval
 from p2l.records import BoolArray, IntArray
 from p2l.skills import chain
-from p2l.worlds.world import NO_FAILURE
 
 EXACT: dict[str, dict[str, Any]] = {"pick_place": {"wall_clearance_m": 0.1}}
 OPEN_LOOP = ("door",)  # chapter 4 has no stop at a flag: the chain goes on to its end

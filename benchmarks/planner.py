@@ -20,8 +20,8 @@ from benchmarks import instances, report
 from p2l.records import Array
 from p2l.team import Plan, Problem, plan
 from p2l.team.certificate import check
-from p2l.team.pairs import Pairs
-from p2l.team.reduction import lesson_costs
+from p2l.team.facility.pairs import Pairs
+from p2l.team.facility.reduction import lesson_costs
 
 _ORDERS = ("fixed", "any")
 
@@ -64,7 +64,7 @@ def compare(n: int, kind: str, seed: int, time_limit_s: float) -> list[report.Ro
     """The planner, then the plain strong form given to HiGHS as arrays, on one instance; rows with the ratio."""
     import highspy
 
-    from p2l.team.core import strong_form
+    from p2l.team.facility.core import strong_form
 
     problem = instances.geometric(n, kind, np.random.default_rng(seed))
     made = plan(problem, "facility")

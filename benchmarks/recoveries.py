@@ -27,22 +27,22 @@ import numpy as np
 from benchmarks import report
 from benchmarks.simulation import Recorder
 from p2l import registry
-from p2l.preconditions.chaining import ChainingOptions, chain_preconditions
-from p2l.records import Array
-from p2l.recoveries.ledger import Ledger
-from p2l.recoveries.metareskill.graph import SkillGraph
-from p2l.recoveries.metareskill.value_iteration import (
+from p2l.contracts.world import Rows
+from p2l.metareskill.graph import SkillGraph
+from p2l.metareskill.ledger import Ledger
+from p2l.metareskill.query import QueryOptions, query
+from p2l.metareskill.regression import fit_skill
+from p2l.metareskill.target import Task
+from p2l.metareskill.train import Members, Trainer
+from p2l.metareskill.value_iteration import (
     predicted_value,
     recovery_values,
     value_iteration,
     value_of_failures,
 )
-from p2l.recoveries.query import QueryOptions, query
-from p2l.recoveries.regression import fit_skill
-from p2l.recoveries.target import Task
-from p2l.recoveries.train import Members, Trainer
+from p2l.preconditions.backwards import ChainingOptions, chain_preconditions
+from p2l.records import Array
 from p2l.skills.relative import SIZE
-from p2l.worlds.world import Rows
 
 TRIALS = 50
 OPTIONS = QueryOptions(hopeless=10)  # none is given up before it has cost all there is to it

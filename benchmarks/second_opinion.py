@@ -23,11 +23,11 @@ from tqdm import tqdm
 from benchmarks import report
 from benchmarks.nominal import OPEN_LOOP
 from p2l import registry
-from p2l.evaluation import robosuite_sim
+from p2l.contracts.world import World
 from p2l.evaluation.statistics import wilson_interval
 from p2l.records import BoolArray
 from p2l.skills import chain
-from p2l.worlds.world import World
+from p2l.worlds import robosuite as robosuite_sim
 
 CHUNK = 10  # episodes of one piece of work; every piece samples all start states again, which is quick
 

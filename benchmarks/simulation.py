@@ -10,7 +10,7 @@ is the median over the rounds):
   ours        nominal chains over a batch of rows, observations, options and detectors included
   robosuite   robosuite's environment and OSC_POSE controller, one process, 20 Hz, objects observed, no cameras,
               replaying the actions of nominal episodes there, contacts included: its own Door and PickPlaceBread; for
-              the shelves, which it lacks, `PlaceOnShelf`, written as its own are (`p2l.evaluation.robosuite_sim.shelf`)
+              the shelves, which it lacks, `PlaceOnShelf`, written as its own are (`p2l.worlds.robosuite.shelf`)
   mj_step     the commands of our own episodes replayed with `mj_step` in C on one core, the physical limit
 
 ratio_robosuite = ours / robosuite, ratio_limit = ours / (mj_step × threads). Worlds with a larger time step than
@@ -30,12 +30,12 @@ import numpy as np
 
 from benchmarks import report
 from p2l import registry
-from p2l.evaluation import robosuite_sim
+from p2l.contracts.option import Option
+from p2l.contracts.world import Command, Rows, World
 from p2l.records import Array
 from p2l.skills import chain
-from p2l.skills.option import Option
 from p2l.skills.runner import Runner
-from p2l.worlds.world import Command, Rows, World
+from p2l.worlds import robosuite as robosuite_sim
 
 EPISODES = 6  # that robosuite replays
 # At its own gains and at those of our impedance, OSC sways by some 10 mm when the arm stops, and the shelf leaves 3 mm.

@@ -17,7 +17,7 @@ import numpy as np
 from benchmarks import instances, report
 from p2l.records import Array
 from p2l.team import solve_facility_location
-from p2l.team.orlib import read_instance
+from p2l.team.facility.orlib import read_instance
 
 _DEFAULT = Path(__file__).resolve().parent.parent / "data" / "ufl"
 Instance = tuple[str, Array, Array, float | None]

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from contextlib import ExitStack
 
-from p2l.evaluation.recovery_episodes import LEARNT, OPEN_LOOP, Place
-from p2l.preconditions.chained import Preconditions
-from p2l.recoveries.target import Task
+from p2l.metareskill.episodes import LEARNT, OPEN_LOOP, Place
+from p2l.metareskill.target import Task
+from p2l.preconditions.record import Preconditions
 from p2l.registry import get_options, get_symbols, get_world
 from p2l.schema import EvaluateRecoveriesConfig
 
@@ -52,7 +52,7 @@ def place(
 
 def in_robosuite(own: Place, stack: ExitStack) -> Place:
     """The same place, simulated, controlled and judged by robosuite, one row at a time."""
-    from p2l.evaluation.robosuite_sim import make
+    from p2l.worlds.robosuite import make
 
     transfer = make(own.world)
     stack.callback(transfer.engine.close)

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 from tqdm import tqdm
 
-from p2l.worlds.domain import Progress
+from p2l.contracts.domain import Progress
 
 
 @contextmanager

@@ -5,16 +5,16 @@ from __future__ import annotations
 import logging
 from pathlib import Path
 
-from p2l.evaluation.failure_videos import skip
-from p2l.evaluation.recovery_videos import film_recoveries
-from p2l.evaluation.videos import VideoOptions
+from p2l.evaluation.video.failures import skip
+from p2l.evaluation.video.player import VideoOptions
+from p2l.evaluation.video.recoveries import film_recoveries
 from p2l.failures.classifier import load_modes
 from p2l.failures.record import check_pair, check_params, load_failures, open_world
-from p2l.preconditions.chained import load_preconditions
-from p2l.recoveries.learn import Rewards, Setting, members, start_graph
-from p2l.recoveries.query import QueryOptions
-from p2l.recoveries.record import Recoveries
-from p2l.recoveries.target import Task
+from p2l.metareskill.learn import Rewards, Setting, members, start_graph
+from p2l.metareskill.query import QueryOptions
+from p2l.metareskill.record import Recoveries
+from p2l.metareskill.target import Task
+from p2l.preconditions.record import load_preconditions
 from p2l.registry import get_symbols
 from p2l.schema import LearnRecoveriesConfig
 from p2l.skills.relative import Timing

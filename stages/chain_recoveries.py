@@ -10,16 +10,16 @@ from typing import Any
 import pandas as pd
 
 from p2l.artifacts import atomic, save_json
+from p2l.chaining.checkpoint import SUMMARY, drop_checkpoint, finished
+from p2l.chaining.learner import Learner, Task
+from p2l.chaining.learners.table import make_learner
+from p2l.chaining.mdp import Limits
+from p2l.chaining.ppo import PPOSettings
+from p2l.chaining.record import Learnt, copy_policy, find_run, keep_run, learnt_of, run_item
+from p2l.chaining.train import Split, TrainSettings, apart_of, card_of, split, train
 from p2l.errors import ArtifactError
 from p2l.failures.record import Failures, check_params, load_failures, open_world
 from p2l.ledger import RECOVERING, Item, code_digest
-from p2l.recoveries.chaining.checkpoint import SUMMARY, drop_checkpoint, finished
-from p2l.recoveries.chaining.learner import Learner, Task
-from p2l.recoveries.chaining.learners import make_learner
-from p2l.recoveries.chaining.mdp import Limits
-from p2l.recoveries.chaining.ppo import PPOSettings
-from p2l.recoveries.chaining.record import Learnt, copy_policy, find_run, keep_run, learnt_of, run_item
-from p2l.recoveries.chaining.train import Split, TrainSettings, apart_of, card_of, split, train
 from p2l.registry import get_world
 from p2l.schema import ChainRecoveriesConfig
 from p2l.tracking import Tracker

@@ -8,22 +8,22 @@ from pathlib import Path
 import numpy as np
 
 from p2l.artifacts import atomic, save_arrays, save_json
-from p2l.evaluation.failure_figures import mode_figure
-from p2l.evaluation.failure_tables import cluster_summary, mode_table
-from p2l.evaluation.failure_videos import film, skip
+from p2l.contracts.world import World
+from p2l.evaluation.failures.figures import mode_figure
+from p2l.evaluation.failures.tables import cluster_summary, mode_table
 from p2l.evaluation.style import png
-from p2l.evaluation.videos import VideoOptions
+from p2l.evaluation.video.failures import film, skip
+from p2l.evaluation.video.player import VideoOptions
 from p2l.failures.classifier import save_modes
 from p2l.failures.clustering import ClusterOptions, cluster, typical
 from p2l.failures.lost import lost
 from p2l.failures.record import Failures, check_pair, check_params, load_failures, open_world
-from p2l.preconditions.chained import load_preconditions
+from p2l.preconditions.record import load_preconditions
 from p2l.records import IntArray
 from p2l.registry import get_symbols
 from p2l.schema import ClusterConfig
 from p2l.seeding import entropy
 from p2l.tracking import Tracker
-from p2l.worlds.world import World
 from stages._stage import stage
 
 log = logging.getLogger(__name__)

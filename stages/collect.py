@@ -8,12 +8,12 @@ import numpy as np
 
 from p2l.artifacts import atomic, save_arrays, save_json
 from p2l.evaluation.statistics import wilson_interval
-from p2l.evaluation.strategy_figures import strategy_figure
-from p2l.preconditions.collection import collect
+from p2l.evaluation.transfer.strategies import strategy_figure
 from p2l.records import Array
 from p2l.registry import get_domain
 from p2l.schema import CollectConfig
 from p2l.tracking import Tracker
+from p2l.transfer.collection import collect
 from stages._progress import bar
 from stages._stage import stage
 

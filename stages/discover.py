@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from p2l.artifacts import save_json
-from p2l.evaluation.failure_tables import found_metrics, found_summary
+from p2l.evaluation.failures.tables import found_metrics, found_summary
 from p2l.failures.discovery import discover
 from p2l.failures.record import SPLITS, STRANDED, Origin, save_failures
 from p2l.failures.strategy import ESTIMATORS

@@ -9,20 +9,20 @@ from pathlib import Path
 import pandas as pd
 
 from p2l.artifacts import save_table
-from p2l.evaluation.chain_ablation import Ablated, episodes_of_variant
-from p2l.evaluation.chain_episodes import Book, episodes_of_seed, load_agents
-from p2l.evaluation.chain_outcome import Evaluated, chain_report, read_runs
-from p2l.evaluation.chain_reuse import Nominal, nominal_sets, reuse_of_seed
-from p2l.evaluation.chain_reuse_video import film_reuse
-from p2l.evaluation.chain_transfer import Variant, robosuite_variant, transfer_of_seed, variants
-from p2l.evaluation.failure_videos import skip
-from p2l.evaluation.videos import VideoOptions
+from p2l.chaining.elsewhere import Variant, robosuite_variant, transfer_of_seed, variants
+from p2l.chaining.episodes import Book, episodes_of_seed, load_agents
+from p2l.chaining.reuse import Nominal, nominal_sets, reuse_of_seed
+from p2l.contracts.world import World
+from p2l.evaluation.chaining.ablation import Ablated, episodes_of_variant
+from p2l.evaluation.chaining.judged import Evaluated, chain_report, read_runs
+from p2l.evaluation.video.failures import skip
+from p2l.evaluation.video.player import VideoOptions
+from p2l.evaluation.video.reuse import film_reuse
 from p2l.ledger import RECOVERING, code_digest
 from p2l.registry import get_options, get_world
 from p2l.schema import EvaluateChainsConfig
 from p2l.seeding import generator
 from p2l.tracking import Tracker
-from p2l.worlds.world import World
 from stages._progress import counter
 from stages._stage import stage
 

@@ -10,12 +10,12 @@ from pathlib import Path
 import pandas as pd
 
 from p2l.artifacts import save_table
-from p2l.evaluation.recovery_episodes import Book, gather
-from p2l.evaluation.recovery_outcome import Evaluated, evaluation_report, read_rounds
+from p2l.evaluation.metareskill.judged import Evaluated, evaluation_report, read_rounds
 from p2l.failures.classifier import load_modes
 from p2l.ledger import RECOVERING, code_digest
-from p2l.preconditions.chained import load_preconditions
-from p2l.recoveries.record import Recoveries, load_recoveries
+from p2l.metareskill.episodes import Book, gather
+from p2l.metareskill.record import Recoveries, load_recoveries
+from p2l.preconditions.record import load_preconditions
 from p2l.registry import get_world
 from p2l.schema import EvaluateRecoveriesConfig
 from p2l.tracking import Tracker

@@ -9,7 +9,7 @@ import pandas as pd
 
 from p2l.artifacts import config_hash, load_table, save_table
 from p2l.errors import ArtifactError
-from p2l.evaluation.team_metrics import summarise
+from p2l.evaluation.team.metrics import summarise
 from p2l.ledger import code_digest
 from p2l.registry import get_domain
 from p2l.schema import EvaluateTeamConfig
@@ -26,7 +26,11 @@ def run(cfg: EvaluateTeamConfig, out: Path, track: Tracker) -> None:
     domain, study = get_domain(cfg.domain.name, cfg.domain.params), cfg.study.study()
     records = cfg.records or out / "records"
     # Committed records outlive harmless edits (`TRUTH_VERSION` marks the others); a run's own do not.
-    identity = cfg.identity if cfg.records else config_hash([cfg.identity, code_digest("sim", "worlds", "skills")])
+    identity = (
+        cfg.identity
+        if cfg.records
+        else config_hash([cfg.identity, code_digest("sim", "contracts", "skills", "domains")])
+    )
     plans = load_table(cfg.plans, schema="plans", version=1)
     rows: list[dict[str, Any]] = []
     for index in range(study.blocks):

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from p2l.artifacts import atomic, finite, save_arrays, save_json
-from p2l.evaluation.recovery_preconditions import calibration_table, precondition_figure, sample_curve, score_table
+from p2l.evaluation.metareskill.preconditions import calibration_table, precondition_figure, sample_curve, score_table
 from p2l.evaluation.style import png
-from p2l.preconditions.chained import save_preconditions
-from p2l.preconditions.chaining import ChainingOptions, chain_preconditions
+from p2l.preconditions.backwards import ChainingOptions, chain_preconditions
+from p2l.preconditions.record import save_preconditions
 from p2l.preconditions.vicinity import Vicinity
 from p2l.registry import get_options, get_symbols, get_world
 from p2l.schema import FitPreconditionsConfig

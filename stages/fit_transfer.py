@@ -9,14 +9,14 @@ import torch
 
 from p2l.artifacts import atomic, load_arrays, save_json
 from p2l.errors import ArtifactError
-from p2l.evaluation.figures import reliability_diagram
-from p2l.evaluation.transfer_fit import calibration_table, judge, records, score_table
-from p2l.preconditions.fitting import FitOptions, fit, split_tasks
+from p2l.evaluation.transfer.fit import calibration_table, judge, records, score_table
+from p2l.evaluation.transfer.reliability import reliability_diagram
 from p2l.records import TransferData
 from p2l.registry import get_domain
 from p2l.schema import FitTransferConfig
 from p2l.seeding import generator, torch_seed
 from p2l.tracking import Tracker
+from p2l.transfer.fitting import FitOptions, fit, split_tasks
 from stages._stage import stage
 
 

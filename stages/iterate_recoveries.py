@@ -8,14 +8,14 @@ from typing import Any
 import pandas as pd
 
 from p2l.artifacts import atomic, save_json
-from p2l.evaluation.recovery_iterations import ALL, success_figure, success_table
+from p2l.evaluation.metareskill.iterations import ALL, success_figure, success_table
 from p2l.evaluation.style import png
 from p2l.failures.record import load_failures
 from p2l.ledger import RECOVERING, code_digest
-from p2l.recoveries.failure_rounds import Budget, Iteration
-from p2l.recoveries.iterate import Field
-from p2l.recoveries.metareskill.choose import get_chooser
-from p2l.recoveries.target import Task
+from p2l.metareskill.choosers.choose import get_chooser
+from p2l.metareskill.rounds.failure_rounds import Budget, Iteration
+from p2l.metareskill.rounds.iterate import Field
+from p2l.metareskill.target import Task
 from p2l.registry import get_options, get_symbols, get_world
 from p2l.schema import IterateRecoveriesConfig
 from p2l.tracking import Tracker

@@ -7,14 +7,14 @@ from collections.abc import Callable
 from pathlib import Path
 
 from p2l.artifacts import save_arrays
-from p2l.evaluation.recovery_report import learning_report
+from p2l.evaluation.metareskill.learnt import learning_report
 from p2l.ledger import RECOVERING, code_digest
-from p2l.recoveries.learn import Setting, record_history, train_recoveries
-from p2l.recoveries.metareskill.choose import Chooser, get_chooser
-from p2l.recoveries.metareskill.history import History
-from p2l.recoveries.metareskill.loop import check_budget
-from p2l.recoveries.record import collect, save_recoveries
-from p2l.recoveries.train import Trainer
+from p2l.metareskill.choosers.choose import Chooser, get_chooser
+from p2l.metareskill.history import History
+from p2l.metareskill.learn import Setting, record_history, train_recoveries
+from p2l.metareskill.loop import check_budget
+from p2l.metareskill.record import collect, save_recoveries
+from p2l.metareskill.train import Trainer
 from p2l.schema import LearnRecoveriesConfig
 from p2l.tracking import Tracker
 from stages._child import child

@@ -25,7 +25,7 @@ def run(cfg: PlanConfig, out: Path, track: Tracker) -> None:
 
 
 def _own_tasks(cfg: PlanConfig, tasks: Path, transfer: Path, out: Path, track: Tracker) -> None:
-    from p2l.evaluation.plan_figure import save_plan_figure
+    from p2l.evaluation.team.plan import save_plan_figure
     from p2l.team.files import explain, read_problem, write_plan
 
     problem = read_problem(tasks, transfer, cfg.order)
@@ -46,11 +46,11 @@ def _own_tasks(cfg: PlanConfig, tasks: Path, transfer: Path, out: Path, track: T
 
 
 def _study_sets(cfg: PlanConfig, out: Path, track: Tracker) -> None:
-    from p2l.preconditions.transfer import load_transfer_model
+    from p2l.contracts.domain import Tasks
     from p2l.registry import get_domain
     from p2l.team.execute import predicted_plans
     from p2l.team.study import make_block, tune_theta
-    from p2l.worlds.domain import Tasks
+    from p2l.transfer.model import load_transfer_model
 
     domain, study = get_domain(cfg.domain.name, cfg.domain.params), cfg.study.study()
     model = load_transfer_model(cfg.transfer_model, feature_names=domain.feature_names, encoding=domain.encoding)

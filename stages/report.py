@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from p2l.evaluation.report.files import headline, save_report
-from p2l.evaluation.report.registry import SECTIONS
-from p2l.evaluation.report.sources import Sources
+from p2l.evaluation.page.files import headline, save_report
+from p2l.evaluation.page.sources import Sources
+from p2l.evaluation.report import SECTIONS
 from p2l.schema import ReportConfig
 from p2l.tracking import Tracker
 from stages._progress import bar

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from p2l.errors import ConfigError
-from p2l.evaluation.videos import VideoOptions, backend, play
+from p2l.evaluation.video.player import VideoOptions, backend, play
 from p2l.failures.discovery import nominal_run, replay
 from p2l.failures.record import Failures, check_params, load_failures, open_world
 from p2l.registry import get_options, get_world
@@ -43,8 +43,8 @@ def _execution(cfg: WatchConfig, file: Path) -> str:
 
 def _recovery(cfg: WatchConfig, folder: Path, file: Path) -> str:
     """A failure beside its recovery; returns what it shows."""
-    from p2l.evaluation import chain_videos as videos  # torch, which no other film needs
-    from p2l.recoveries.chaining.agent import load_agent
+    from p2l.chaining.agent import load_agent
+    from p2l.evaluation.video import chains as videos
 
     world = get_world(cfg.world.name, cfg.world.params)
     nominal, rng = get_options(world.name, world), generator(cfg.seed, "watch", world.name, "recovery")

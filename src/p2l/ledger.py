@@ -15,7 +15,16 @@ from p2l.artifacts import config_hash, load_json, save_json
 from p2l.errors import ArtifactError
 
 SCHEMA = "item_record"
-RECOVERING = ("sim", "worlds", "skills", "failures", "preconditions", "recoveries")  # rooms of chapters 4 and 5
+RECOVERING = (
+    "sim",
+    "contracts",
+    "skills",
+    "worlds",
+    "preconditions",
+    "failures",
+    "metareskill",
+    "chaining",
+)  # of chapters 4, 5
 
 
 @dataclass(frozen=True)

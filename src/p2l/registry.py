@@ -11,13 +11,13 @@ import inspect
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
+from p2l.contracts.domain import Domain
 from p2l.errors import ConfigError
-from p2l.worlds.domain import Domain
 
 if TYPE_CHECKING:  # a stage of chapter 3 does not load the arms
-    from p2l.skills.option import Option
-    from p2l.worlds.symbols import Symbols
-    from p2l.worlds.world import World
+    from p2l.contracts.option import Option
+    from p2l.contracts.symbols import Symbols
+    from p2l.contracts.world import World
 
 _FACTORIES: dict[str, str] = {}
 _WORLDS: dict[str, tuple[str, str]] = {}
@@ -137,13 +137,17 @@ def _build(what: str, path: str, params: Mapping[str, Any] | None) -> Any:
     return factory(**given)
 
 
-register("board", "p2l.skills.insertion:board")
-register("insertion", "p2l.skills.insertion:insertion")
-register("lego", "p2l.worlds.lego:Lego")
+register("board", "p2l.domains.insertion.domain:board")
+register("insertion", "p2l.domains.insertion.domain:insertion")
+register("lego", "p2l.domains.lego.domain:Lego")
 
-register_world("door", world="p2l.worlds.door:Door", options="p2l.skills.nominal.door:options")
-register_world("pick_place", world="p2l.worlds.pick_place:PickPlace", options="p2l.skills.nominal.pick_place:options")
-register_world("shelf", world="p2l.worlds.shelf:Shelf", options="p2l.skills.nominal.shelf:options")
-register_world("cluttered_shelf", world="p2l.worlds.shelf:ClutteredShelf", options="p2l.skills.nominal.shelf:options")
+register_world("door", world="p2l.worlds.door.world:Door", options="p2l.worlds.door.skills:options")
+register_world(
+    "pick_place", world="p2l.worlds.pick_place.world:PickPlace", options="p2l.worlds.pick_place.skills:options"
+)
+register_world("shelf", world="p2l.worlds.shelf.world:Shelf", options="p2l.worlds.shelf.skills:options")
+register_world(
+    "cluttered_shelf", world="p2l.worlds.shelf.world:ClutteredShelf", options="p2l.worlds.shelf.skills:options"
+)
 
-register_symbols("door", "p2l.worlds.door_symbols:DoorSymbols")
+register_symbols("door", "p2l.worlds.door.symbols:DoorSymbols")

@@ -5,7 +5,7 @@ import pytest
 
 from p2l.errors import InputError
 from p2l.evaluation.thesis import load_thesis
-from tests.evaluation.team_results import FOLDER
+from tests.evaluation.team.team_results import FOLDER
 
 
 def test_table_3_2_of_the_thesis_adds_up():

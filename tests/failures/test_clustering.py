@@ -7,10 +7,10 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from sklearn.mixture import GaussianMixture
 
+from p2l.contracts.observation import Observation, Privileged
 from p2l.errors import ArtifactError, ConfigError, ShapeError
 from p2l.failures.classifier import ModeClassifier, default_fields, features, load_modes, save_modes
 from p2l.failures.clustering import ClusterOptions, cluster, typical
-from p2l.worlds.observation import Observation, Privileged
 from tests.failures.pushing import found
 
 CENTRES = np.array([[-0.2, 0.0, 0.0], [0.1, 0.1, 0.0], [0.0, -0.3, 0.05]])

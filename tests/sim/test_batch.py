@@ -2,11 +2,11 @@ import mujoco
 import numpy as np
 import pytest
 
+from p2l.domains.insertion.physics import Physics, build_model, start_states
 from p2l.errors import ConfigError, ShapeError
 from p2l.sim.batch import Engine
 from p2l.sim.model import Impedance, add_impedance
 from p2l.sim.trace import Trace
-from p2l.worlds.insertion import Physics, build_model, start_states
 
 PHYSICS = Physics()
 WALLS = [np.array([[0.0, -0.016, 0.05, 0.005]]), np.array([[0.016, 0.0, 0.005, 0.05]])]

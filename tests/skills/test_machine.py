@@ -5,9 +5,9 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from p2l import poses
+from p2l.contracts.observation import Observation
+from p2l.contracts.option import Option
 from p2l.skills.machine import Machine, Phase, link
-from p2l.skills.option import Option
-from p2l.worlds.observation import Observation
 
 UNIT = np.array([1.0, 0.0, 0.0, 0.0])
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
+from p2l.contracts.world import NO_FAILURE, Command, advance
 from p2l.errors import ConfigError
 from p2l.skills import chain
 from p2l.skills.follow import Follow, Waypoints
 from p2l.skills.runner import Reason, Runner
-from p2l.worlds.world import NO_FAILURE, Command, advance
 from tests.worlds.push import Push, options
 
 

@@ -10,7 +10,7 @@ from p2l.schema import SCHEMAS, resolve, validate
 from p2l.skills.follow import Follow, Waypoints
 from p2l.tracking import RunCard, Tracker, start
 from stages import cluster, discover, fit_preconditions, learn_recoveries
-from tests.recoveries.pushing_back import Seen
+from tests.metareskill.pushing_back import Seen
 from tests.worlds import push
 from tests.worlds.push import DOWN, HALF_BLOCK_M
 
@@ -47,7 +47,7 @@ def options(world):
 
 
 registry.register_world(WORLD["name"], world=f"{__name__}:push_seen", options=f"{__name__}:options")
-registry.register_symbols(WORLD["name"], "tests.recoveries.pushing_back:Symbols")
+registry.register_symbols(WORLD["name"], "tests.metareskill.pushing_back:Symbols")
 
 
 def configured(name, **changes):

@@ -2,9 +2,9 @@
 
 import numpy as np
 
+from p2l.chaining.learner import Learner, Task
+from p2l.chaining.mdp import Limits, Played
 from p2l.records import Array, BoolArray
-from p2l.recoveries.chaining.learner import Learner, Task
-from p2l.recoveries.chaining.mdp import Limits, Played
 
 
 def learner(task: Task, limits: Limits, *, price_per_m: float = 1.0) -> Learner:

@@ -18,15 +18,15 @@ from mlflow import MlflowClient
 from omegaconf import OmegaConf
 
 from p2l.artifacts import load_json, load_table
+from p2l.chaining.agent import load_agent
+from p2l.chaining.checkpoint import FILE
+from p2l.chaining.execute import recover
+from p2l.chaining.learners.table import register_learner
+from p2l.chaining.policy import load_policy, policy_hash
 from p2l.errors import ArtifactError, ConfigError
-from p2l.evaluation.chain_videos import nominal_clip, recovery_clip
-from p2l.evaluation.videos import NoGLError, backend
+from p2l.evaluation.video.chains import nominal_clip, recovery_clip
+from p2l.evaluation.video.player import NoGLError, backend
 from p2l.failures.record import load_failures, open_world
-from p2l.recoveries.chaining.agent import load_agent
-from p2l.recoveries.chaining.checkpoint import FILE
-from p2l.recoveries.chaining.execute import recover
-from p2l.recoveries.chaining.learners import register_learner
-from p2l.recoveries.chaining.policy import load_policy, policy_hash
 from p2l.schema import SCHEMAS, ChainRecoveriesConfig, resolve, validate
 from p2l.tracking import RunCard, Tracker, start
 from stages import _stage, chain_recoveries, discover, evaluate_chains, watch
@@ -49,7 +49,7 @@ TRACKED = {"compare": ["rc"], "seeds": [0], "budget": 1500, "evaluation": {"ever
 KILL = """
 import os, signal, sys
 from pathlib import Path
-from p2l.recoveries.chaining import train
+from p2l.chaining import train
 from tests.stages.test_chain_stages import TRACKED, compare, tracked
 
 save, saved = train.save_checkpoint, []

@@ -12,7 +12,7 @@ from hydra import compose, initialize_config_dir
 
 from p2l.artifacts import load_arrays, load_json
 from p2l.errors import ArtifactError, ConfigError
-from p2l.evaluation.videos import NoGLError, backend
+from p2l.evaluation.video.player import NoGLError, backend
 from p2l.failures.classifier import load_modes
 from p2l.failures.record import load_failures, open_world
 from p2l.schema import SCHEMAS, resolve, validate

@@ -15,8 +15,8 @@ from p2l.errors import ArtifactError, ConfigError
 from p2l.failures.classifier import load_modes, save_modes
 from p2l.failures.lost import lost
 from p2l.failures.record import load_failures, save_failures
-from p2l.preconditions.chained import load_preconditions, save_preconditions
-from p2l.recoveries.record import load_recoveries
+from p2l.metareskill.record import load_recoveries
+from p2l.preconditions.record import load_preconditions, save_preconditions
 from p2l.registry import get_symbols
 from tests.stages.recovering import ROOT, WORLD, found, learn, prepare, push_seen
 
@@ -24,7 +24,7 @@ RESULTS = ("rounds.csv", "figure_4_6.csv", "figure_4_7.csv", "choosers.csv")
 KILL = """
 import os, signal, sys
 from pathlib import Path
-from p2l.recoveries.ledger import Ledger
+from p2l.metareskill.ledger import Ledger
 from tests.stages.recovering import learn
 
 add = Ledger.add

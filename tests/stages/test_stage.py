@@ -216,7 +216,7 @@ def test_a_plan_that_cannot_be_drawn_leaves_no_half_output(tmp_path, monkeypatch
     def fail(*_):
         raise RuntimeError("no font")
 
-    monkeypatch.setattr("p2l.evaluation.plan_figure.save_plan_figure", fail)
+    monkeypatch.setattr("p2l.evaluation.team.plan.save_plan_figure", fail)
     with pytest.raises(SystemExit) as left:
         importlib.import_module("stages.plan").run()
     assert (left.value.code, "RuntimeError: no font" in capsys.readouterr().err) == (1, True)

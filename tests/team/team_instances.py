@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from p2l.team import Problem
-from p2l.team.reduction import facility_cost
+from p2l.team.facility.reduction import facility_cost
 
 probability = st.one_of(st.sampled_from([0.0, 0.1, 0.5, 0.9, 1.0]), st.floats(0.0, 1.0, width=32))
 cost = st.one_of(st.sampled_from([0.0, 10.0, 100.0, 200.0]), st.floats(0.0, 300.0, width=32))

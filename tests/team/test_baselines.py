@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
-from team_instances import thesis_set
 
 from p2l.errors import ConfigError
 from p2l.team import Decision
 from p2l.team.baselines import act_delegate, act_learn_myopic, best_theta, confidence_based
+from tests.team.team_instances import thesis_set
 
 A, D, L = Decision.ACT, Decision.DELEGATE, Decision.LEARN
 

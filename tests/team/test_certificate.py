@@ -2,11 +2,11 @@ import dataclasses
 
 import numpy as np
 import pytest
-from team_instances import geometric
 
 from p2l.errors import SolverError
 from p2l.team import plan, solve_facility_location
 from p2l.team.certificate import check, check_facility_location
+from tests.team.team_instances import geometric
 
 PROBLEM = geometric(50)
 PLAN = plan(PROBLEM, "facility")

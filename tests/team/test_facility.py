@@ -5,21 +5,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 from hypothesis import given, settings
-from team_instances import cheapest_by_hand, problems, tables
 
 from p2l.errors import ConfigError, InputError, ShapeError
-from p2l.team import branch, plan, solve_facility_location
+from p2l.team import plan, solve_facility_location
 from p2l.team.certificate import check_facility_location, lagrangian_bound
-from p2l.team.core import solve_core
-from p2l.team.dual_ascent import dual_ascent
-from p2l.team.facility import load_kernels, solve_pairs
-from p2l.team.fixing import fix, shrink, whole
-from p2l.team.greedy import greedy, guarantee
-from p2l.team.local_search import columns_of, descend, open_cost
-from p2l.team.orlib import read_instance
-from p2l.team.pairs import of_problem, of_table
-from p2l.team.reduction import facility_cost
-from p2l.team.volume import CLOSED, OPEN, bound_of, raise_bound
+from p2l.team.facility import branch
+from p2l.team.facility.core import solve_core
+from p2l.team.facility.dual_ascent import dual_ascent
+from p2l.team.facility.fixing import fix, shrink, whole
+from p2l.team.facility.greedy import greedy, guarantee
+from p2l.team.facility.local_search import columns_of, descend, open_cost
+from p2l.team.facility.orlib import read_instance
+from p2l.team.facility.pairs import of_problem, of_table
+from p2l.team.facility.reduction import facility_cost
+from p2l.team.facility.solve import load_kernels, solve_pairs
+from p2l.team.facility.volume import CLOSED, OPEN, bound_of, raise_bound
+from tests.team.team_instances import cheapest_by_hand, problems, tables
 
 UFL = Path(__file__).parents[2] / "data" / "ufl"
 

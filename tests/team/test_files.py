@@ -4,11 +4,11 @@ import json
 
 import numpy as np
 import pytest
-from team_instances import thesis_set
 
 from p2l.errors import ConfigError, InputError
 from p2l.team import Decision, plan
 from p2l.team.files import explain, read_problem, write_plan
+from tests.team.team_instances import thesis_set
 
 ORDERS = "task,c_rob,c_hum,c_fail,c_demo,pretrained\ncup,10,100,100,200,0\nlid,10,100,100,200,0.5\nbox,1e1,90,80,70,1\n"
 TRANSFER = ",box,cup,lid\nlid,0.1,0.2,1\ncup,0.3,1,0.4\nbox,1,0.5,0.6\n"

@@ -3,12 +3,12 @@ import dataclasses
 import numpy as np
 import pytest
 from hypothesis import given, settings
-from team_instances import geometric, problems, thesis_set
 
 from p2l.errors import ConfigError, SolverError
 from p2l.team import PLANNERS, Decision, Problem, objective, plan
 from p2l.team.certificate import check
-from p2l.team.greedy import guarantee
+from p2l.team.facility.greedy import guarantee
+from tests.team.team_instances import geometric, problems, thesis_set
 
 ARRAY_ROUTES = ("auto", "highs", "facility")
 PYOMO_ROUTES = ("max_form", "strong")

@@ -4,10 +4,10 @@ import sys
 
 import numpy as np
 import pytest
-from team_instances import thesis_set
 
 from p2l.errors import ShapeError
 from p2l.team import Decision, objective
+from tests.team.team_instances import thesis_set
 
 
 @pytest.mark.parametrize(

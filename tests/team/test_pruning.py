@@ -2,11 +2,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from team_instances import geometric, problems, thesis_set
 
 from p2l.team import Decision, objective, plan
 from p2l.team.outcome import decide
 from p2l.team.pruning import without_losses
+from tests.team.team_instances import geometric, problems, thesis_set
 
 
 def total(problem, taught):

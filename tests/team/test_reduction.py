@@ -1,10 +1,10 @@
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from team_instances import problems, thesis_set
 
 from p2l.team import Decision, objective, plan, solve_facility_location
-from p2l.team.reduction import facility_cost, to_decisions, to_facility_location, to_open
+from p2l.team.facility.reduction import facility_cost, to_decisions, to_facility_location, to_open
+from tests.team.team_instances import problems, thesis_set
 
 
 @settings(max_examples=100)

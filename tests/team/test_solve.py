@@ -1,13 +1,13 @@
 import numpy as np
 import pyomo.environ as pyo
 import pytest
-from team_instances import thesis_set
 
 from p2l.errors import SolverError
-from p2l.team.core import solve_core
-from p2l.team.model import max_form, strong_form, taught_in
-from p2l.team.pairs import of_problem
-from p2l.team.solve import solve_model
+from p2l.team.facility.core import solve_core
+from p2l.team.facility.pairs import of_problem
+from p2l.team.mip.model import max_form, strong_form, taught_in
+from p2l.team.mip.solve import solve_model
+from tests.team.team_instances import thesis_set
 
 TRANSFER = np.triu(np.full((6, 6), 0.9))
 

@@ -8,16 +8,16 @@ from __future__ import annotations
 import mujoco
 import numpy as np
 
+from p2l.contracts.estimator import Estimator, Mode
+from p2l.contracts.observation import Observation, Privileged
+from p2l.contracts.option import Option
+from p2l.contracts.world import NO_FAILURE, Command, Rows
 from p2l.errors import ConfigError
 from p2l.records import Array, BoolArray, IntArray
 from p2l.sim.batch import Chunk
 from p2l.sim.scene import Physics, Scene, finish
 from p2l.skills.follow import Follow, Waypoints
-from p2l.skills.option import Option
-from p2l.worlds.estimator import Estimator, Mode
-from p2l.worlds.observation import Observation, Privileged
 from p2l.worlds.robot import Fields, RobotWorld
-from p2l.worlds.world import NO_FAILURE, Command, Rows
 
 GOAL_X_M = 0.12
 HALF_BLOCK_M = 0.03

@@ -5,11 +5,11 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from p2l import registry
+from p2l.contracts.world import Command, advance
 from p2l.errors import ConfigError
 from p2l.skills import chain
-from p2l.worlds.door import FORCE, MISSED_HANDLE, OPEN_RAD, SLIP_PULLING, Door
-from p2l.worlds.handles import HANDLES, axis_of, find, grasp_pose, hinge_of
-from p2l.worlds.world import Command, advance
+from p2l.worlds.door.handles import HANDLES, axis_of, find, grasp_pose, hinge_of
+from p2l.worlds.door.world import FORCE, MISSED_HANDLE, OPEN_RAD, SLIP_PULLING, Door
 
 
 @pytest.fixture(scope="module")

@@ -7,12 +7,12 @@ import pytest
 from numpy.testing import assert_allclose
 
 from p2l import poses
+from p2l.contracts.observation import Observation
 from p2l.errors import ConfigError
 from p2l.skills import chain
-from p2l.skills.nominal.pick_place import options, quarter_turn
 from p2l.skills.primitives import PRIMITIVES
-from p2l.worlds.observation import Observation
-from p2l.worlds.pick_place import BIN1_POS_M, KINDS, THESIS_FIELDS, PickPlace
+from p2l.worlds.pick_place.skills import options, quarter_turn
+from p2l.worlds.pick_place.world import BIN1_POS_M, KINDS, THESIS_FIELDS, PickPlace
 
 COLLISION, DROPPED = range(len(KINDS))
 PRIMITIVE = {primitive.name: primitive for primitive in PRIMITIVES}

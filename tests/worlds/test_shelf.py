@@ -8,13 +8,13 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from p2l import poses
+from p2l.contracts.world import NO_FAILURE, Command, advance
 from p2l.errors import ConfigError
 from p2l.skills import chain
-from p2l.skills.nominal.shelf import options
-from p2l.worlds import shelf_hold
-from p2l.worlds.shelf import COLLISION, SLIP, ClutteredShelf, Shelf
-from p2l.worlds.shelf_scene import DEPTH_M, INNER_WIDTH_M, TABLE_M
-from p2l.worlds.world import NO_FAILURE, Command, advance
+from p2l.worlds.shelf import hold as shelf_hold
+from p2l.worlds.shelf.scene import DEPTH_M, INNER_WIDTH_M, TABLE_M
+from p2l.worlds.shelf.skills import options
+from p2l.worlds.shelf.world import COLLISION, SLIP, ClutteredShelf, Shelf
 
 UP, OUT = np.array([[0.0, 0.0, 0.02], [0.0, -0.02, 0.0]])
 

@@ -1,15 +1,15 @@
-"""Every registered world keeps the contract of `p2l.worlds.world`; a new one is covered on the day it is added."""
+"""Every registered world keeps the contract of `p2l.contracts.world`; a new one is covered on the day it is added."""
 
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
 from p2l import registry
+from p2l.contracts.observation import Observation, Privileged
+from p2l.contracts.option import Option
+from p2l.contracts.world import NO_FAILURE, Command, Rows, World, advance
 from p2l.errors import ConfigError, ShapeError
 from p2l.skills import chain
-from p2l.skills.option import Option
-from p2l.worlds.observation import Observation, Privileged
-from p2l.worlds.world import NO_FAILURE, Command, Rows, World, advance
 
 registry.register_world("push", world="tests.worlds.push:Push", options="tests.worlds.push:options")
 EPISODES = 6

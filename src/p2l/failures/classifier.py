@@ -19,10 +19,10 @@ from scipy.linalg import solve_triangular
 from scipy.special import logsumexp
 
 from p2l.artifacts import load_arrays, save_arrays
+from p2l.contracts.observation import Observation, Privileged
+from p2l.contracts.world import World
 from p2l.errors import ArtifactError, ShapeError
 from p2l.records import Array, IntArray, freeze
-from p2l.worlds.observation import Observation, Privileged
-from p2l.worlds.world import World
 
 SCHEMA, VERSION = "failure_modes", 1
 HAND = "grip_pos_m"

@@ -21,11 +21,11 @@ import numpy as np
 from sklearn.mixture import GaussianMixture
 from threadpoolctl import threadpool_limits
 
+from p2l.contracts.world import World
 from p2l.errors import ArtifactError, ConfigError
 from p2l.failures.classifier import ModeClassifier, default_fields, features
 from p2l.failures.record import Failures
 from p2l.records import Array, IntArray
-from p2l.worlds.world import World
 
 Covariance = Literal["full", "tied", "diag", "spherical"]
 

@@ -20,14 +20,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from p2l.contracts.option import Option
+from p2l.contracts.world import NO_FAILURE, Rows, World
 from p2l.errors import ConfigError
 from p2l.failures.record import STRANDED, Failures, Origin
 from p2l.failures.strategy import STRATEGIES
 from p2l.records import BoolArray, IntArray
 from p2l.skills.chain import FINISH, Choose, Execution, Moments, Progress, Watch, in_order, run
-from p2l.skills.option import Option
 from p2l.skills.runner import Reason
-from p2l.worlds.world import NO_FAILURE, Rows, World
 
 log = logging.getLogger(__name__)
 

@@ -8,12 +8,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from p2l.contracts.symbols import Symbols
+from p2l.contracts.world import World
 from p2l.errors import ArtifactError
 from p2l.failures.record import Failures
-from p2l.preconditions.chained import Preconditions
+from p2l.preconditions.record import Preconditions
 from p2l.records import IntArray
-from p2l.worlds.symbols import Symbols
-from p2l.worlds.world import World
 
 
 def lost(world: World, symbols: Symbols, preconditions: Preconditions, failures: Failures) -> IntArray:

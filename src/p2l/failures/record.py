@@ -16,12 +16,12 @@ import numpy as np
 import numpy.typing as npt
 
 from p2l.artifacts import load_arrays, save_arrays
+from p2l.contracts.observation import Observation, Privileged
+from p2l.contracts.option import Option
+from p2l.contracts.world import Rows, World
 from p2l.errors import ArtifactError, ShapeError
 from p2l.records import Array, BoolArray, IntArray, freeze
 from p2l.registry import get_options, get_world
-from p2l.skills.option import Option
-from p2l.worlds.observation import Observation, Privileged
-from p2l.worlds.world import Rows, World
 
 SCHEMA, VERSION = "failures", 1
 SPLITS = ("train", "held_out")

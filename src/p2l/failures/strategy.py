@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Literal, get_args
 
-from p2l.worlds.estimator import Mode
+from p2l.contracts.estimator import Mode
 
 Strategy = Literal["pessimistic", "early_termination", "first_flag"]
 STRATEGIES: tuple[str, ...] = get_args(Strategy)

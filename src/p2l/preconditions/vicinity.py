@@ -23,15 +23,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from p2l.contracts.option import Option
+from p2l.contracts.symbols import Symbols
+from p2l.contracts.world import Rows, World
 from p2l.errors import ConfigError
 from p2l.preconditions.mixture import Mixture
 from p2l.records import BoolArray
 from p2l.skills import chain
 from p2l.skills.execute import execute, known_exactly
-from p2l.skills.option import Option
 from p2l.skills.relative import WAYPOINTS, Timing, straight
-from p2l.worlds.symbols import Symbols
-from p2l.worlds.world import Rows, World
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field, model_validator
 
-from p2l.recoveries.chaining.learners import known_learners
+from p2l.chaining.learners.table import known_learners
 from p2l.schema.base import Count, NotNegative, Positive, Probability, Section
 from p2l.schema.recovery import VideoConfig, WorldStageConfig
 
@@ -35,7 +35,7 @@ class LearnerConfig(Section):
 
 
 class LimitsConfig(Section):
-    """See `p2l.recoveries.chaining.mdp.Limits`; no `fields` stands for the whole observation."""
+    """See `p2l.chaining.mdp.Limits`; no `fields` stands for the whole observation."""
 
     decisions: Count
     primitive_steps: Count
@@ -44,7 +44,7 @@ class LimitsConfig(Section):
 
 
 class PPOConfig(Section):
-    """See `p2l.recoveries.chaining.ppo.PPOSettings`."""
+    """See `p2l.chaining.ppo.PPOSettings`."""
 
     n_steps: Count
     batch_size: Annotated[int, Field(ge=2)]

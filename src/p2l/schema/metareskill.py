@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
-from p2l.recoveries.strategy import STRATEGIES
+from p2l.metareskill.strategy_names import STRATEGIES
 from p2l.schema.base import Count, Positive, Probability, Section
 from p2l.schema.recovery import DescribedWorldConfig, ExecutionsConfig, VideoConfig, WorldStageConfig
 
@@ -42,7 +42,7 @@ class VicinityConfig(Section):
 
 
 class FitPreconditionsConfig(WorldStageConfig):
-    """Stage `fit_preconditions`: Algorithm 2; see `p2l.preconditions.chaining.ChainingOptions`."""
+    """Stage `fit_preconditions`: Algorithm 2; see `p2l.preconditions.backwards.ChainingOptions`."""
 
     world: DescribedWorldConfig
     trajectories: Annotated[int, Field(ge=4)]
@@ -61,7 +61,7 @@ class FitPreconditionsConfig(WorldStageConfig):
 
 
 class QueryConfig(Section):
-    """One REPS query; see `p2l.recoveries.query.QueryOptions`."""
+    """One REPS query; see `p2l.metareskill.query.QueryOptions`."""
 
     updates: Count
     rollouts: Annotated[int, Field(ge=2)]
@@ -84,7 +84,7 @@ class ChooserConfig(Section):
 
 
 class RewardsConfig(Section):
-    """Of the skill graph; see `p2l.recoveries.metareskill.graph`."""
+    """Of the skill graph; see `p2l.metareskill.graph`."""
 
     skill_reward: Annotated[float, Field(le=0)]
     recovery_reward: Annotated[float, Field(le=0)]

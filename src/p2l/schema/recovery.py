@@ -7,10 +7,10 @@ from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field
 
+from p2l.contracts.estimator import Mode
 from p2l.failures.strategy import Strategy
 from p2l.registry import described_worlds, known_worlds
 from p2l.schema.base import Count, NotNegative, Positive, Section, StageConfig
-from p2l.worlds.estimator import Mode
 
 Even = Annotated[int, Field(ge=16, le=1920, multiple_of=2)]
 Index = Annotated[int, Field(ge=0)]
@@ -86,7 +86,7 @@ class ModesConfig(Section):
 
 
 class VideoConfig(Section):
-    """See `p2l.evaluation.videos.VideoOptions`."""
+    """See `p2l.evaluation.video.player.VideoOptions`."""
 
     width: Even
     height: Even

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from p2l.contracts.option import Option
+from p2l.contracts.world import Rows, World
 from p2l.records import Array, BoolArray, IntArray
-from p2l.skills.option import Option
 from p2l.skills.runner import Reason, Runner
-from p2l.worlds.world import Rows, World
 
 FINISH = -1
 Choose = Callable[["Moments"], IntArray]

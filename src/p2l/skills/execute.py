@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from p2l.contracts.world import Rows, World, advance
 from p2l.records import Array, BoolArray
 from p2l.skills.relative import Timing, relative
-from p2l.worlds.world import Rows, World, advance
 
 
 @dataclass(frozen=True)

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from p2l import poses
+from p2l.contracts.observation import Observation, Privileged
+from p2l.contracts.option import Decision
+from p2l.contracts.world import Command
 from p2l.records import Array, BoolArray, IntArray
-from p2l.skills.option import Decision
-from p2l.worlds.observation import Observation, Privileged
-from p2l.worlds.world import Command
 
 
 @dataclass(frozen=True)

@@ -21,10 +21,10 @@ from functools import cached_property
 import numpy as np
 
 from p2l import poses
+from p2l.contracts.observation import Observation, Privileged
+from p2l.contracts.option import Decision
+from p2l.contracts.world import Command
 from p2l.records import Array, BoolArray, IntArray
-from p2l.skills.option import Decision
-from p2l.worlds.observation import Observation, Privileged
-from p2l.worlds.world import Command
 
 _PHASE, _STEPS, _GAP, _QUAT, _END = 0, 1, 2, slice(3, 7), 7
 MEMORY = 8

@@ -16,10 +16,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from p2l import poses
+from p2l.contracts.observation import Observation, Privileged
+from p2l.contracts.option import Decision
+from p2l.contracts.world import Command
 from p2l.records import Array, BoolArray, IntArray
-from p2l.skills.option import Decision
-from p2l.worlds.observation import Observation, Privileged
-from p2l.worlds.world import Command
 
 TRANSLATION_M = 0.02
 ROTATION_RAD = np.pi / 2

@@ -16,10 +16,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from p2l import poses
+from p2l.contracts.observation import Observation, Privileged
 from p2l.errors import ConfigError
 from p2l.records import Array, BoolArray
 from p2l.skills.follow import Follow, Waypoints
-from p2l.worlds.observation import Observation, Privileged
 
 WAYPOINTS = 3
 SIZE = 7 * WAYPOINTS

@@ -17,11 +17,11 @@ from enum import IntEnum
 import numpy as np
 import numpy.typing as npt
 
+from p2l.contracts.observation import Observation
+from p2l.contracts.option import Option
+from p2l.contracts.world import NO_FAILURE, Command, Rows, World, advance
 from p2l.errors import ConfigError
 from p2l.records import BoolArray, IntArray
-from p2l.skills.option import Option
-from p2l.worlds.observation import Observation
-from p2l.worlds.world import NO_FAILURE, Command, Rows, World, advance
 
 
 class Reason(IntEnum):

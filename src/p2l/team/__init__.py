@@ -4,7 +4,7 @@ Read `problem` (the records), `outcome` (what decisions cost), `model` (the thes
 large-scale route). Importing this package loads no solver.
 """
 
-from p2l.team.location import solve_facility_location
+from p2l.team.facility.location import solve_facility_location
 from p2l.team.outcome import Outcome, objective
 from p2l.team.planners import plan
 from p2l.team.problem import Certificate, Decision, FacilitySolution, Plan, Problem

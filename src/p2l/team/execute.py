@@ -19,6 +19,7 @@ import numpy as np
 import pandas as pd
 
 from p2l.artifacts import config_hash
+from p2l.contracts.domain import Domain, Progress
 from p2l.ledger import Item, find, write
 from p2l.records import Array, IntArray, freeze
 from p2l.seeding import generator
@@ -35,7 +36,6 @@ from p2l.team.study import (
     solve,
     task_sets,
 )
-from p2l.worlds.domain import Domain, Progress
 
 # Part of every truth record's hash: raise it when simulator, world or learner give other outcomes than before.
 TRUTH_VERSION = 1

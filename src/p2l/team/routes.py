@@ -59,7 +59,7 @@ class Answer:
 def prepare(planner: str, problem: Problem) -> None:
     """Load the compiled kernels if the planner uses them, so that its time limit and its seconds are for planning."""
     if planner in ("facility", "greedy", "dual_ascent") or (planner == "auto" and not _by_highs(problem)):
-        from p2l.team.facility import load_kernels
+        from p2l.team.facility.solve import load_kernels
 
         load_kernels()
 
@@ -77,7 +77,7 @@ def _best_plan(problem: Problem, taught: BoolArray | None, *, proven: bool = Fal
 
 
 def _pyomo(problem: Problem, limits: Limits, form: str) -> Answer:
-    from p2l.team import model, solve
+    from p2l.team.mip import model, solve
 
     built = model.max_form(problem) if form == "max_form" else model.strong_form(problem)
     ending = solve.solve_model(built, time_limit_s=limits.left, gap=limits.gap)
@@ -95,8 +95,8 @@ def _strong(problem: Problem, limits: Limits) -> Answer:
 
 
 def _highs(problem: Problem, limits: Limits) -> Answer:
-    from p2l.team.core import solve_core
-    from p2l.team.pairs import of_problem
+    from p2l.team.facility.core import solve_core
+    from p2l.team.facility.pairs import of_problem
 
     found = solve_core(of_problem(problem), time_limit_s=limits.left, gap=limits.gap)
     status: Status = "optimal" if found.finished else "time_limit"
@@ -105,8 +105,8 @@ def _highs(problem: Problem, limits: Limits) -> Answer:
 
 
 def _facility(problem: Problem, limits: Limits) -> Answer:
-    from p2l.team.facility import solve_pairs
-    from p2l.team.pairs import of_problem
+    from p2l.team.facility.pairs import of_problem
+    from p2l.team.facility.solve import solve_pairs
 
     found = solve_pairs(of_problem(problem), deadline=limits.deadline, gap=limits.gap)
     decision = _best_plan(problem, found.open, proven=found.status == "optimal")
@@ -114,17 +114,17 @@ def _facility(problem: Problem, limits: Limits) -> Answer:
 
 
 def _greedy(problem: Problem, limits: Limits) -> Answer:  # noqa: ARG001
-    from p2l.team.greedy import greedy
-    from p2l.team.pairs import of_problem
+    from p2l.team.facility.greedy import greedy
+    from p2l.team.facility.pairs import of_problem
 
     opened, multipliers = greedy(of_problem(problem))
     return Answer(_best_plan(problem, opened), "heuristic", multipliers=multipliers)
 
 
 def _dual_ascent(problem: Problem, limits: Limits) -> Answer:  # noqa: ARG001
-    from p2l.team.dual_ascent import dual_ascent
-    from p2l.team.local_search import columns_of, descend
-    from p2l.team.pairs import of_problem
+    from p2l.team.facility.dual_ascent import dual_ascent
+    from p2l.team.facility.local_search import columns_of, descend
+    from p2l.team.facility.pairs import of_problem
 
     pairs = of_problem(problem)
     multipliers, opened = dual_ascent(pairs)
@@ -133,7 +133,7 @@ def _dual_ascent(problem: Problem, limits: Limits) -> Answer:  # noqa: ARG001
 
 
 def _by_highs(problem: Problem) -> bool:
-    return problem.n <= (SMALL if "p2l.team.facility" in sys.modules else LOADING)
+    return problem.n <= (SMALL if "p2l.team.facility.solve" in sys.modules else LOADING)
 
 
 def _auto(problem: Problem, limits: Limits) -> Answer:

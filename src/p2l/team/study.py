@@ -15,13 +15,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from p2l.artifacts import config_hash
+from p2l.contracts.domain import Domain, Tasks
 from p2l.errors import ConfigError
 from p2l.records import Array, IntArray
 from p2l.seeding import generator
 from p2l.team.baselines import best_theta
 from p2l.team.planners import plan
 from p2l.team.problem import Order, Plan, Problem
-from p2l.worlds.domain import Domain, Tasks
 
 Predictor = Callable[[Array, Array], Array]
 # Method → (planner, order of work). `cba_best` takes its θ from a grid search on sets that are not evaluated.

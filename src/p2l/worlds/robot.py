@@ -13,13 +13,13 @@ import numpy as np
 import numpy.typing as npt
 
 from p2l.artifacts import config_hash
+from p2l.contracts.estimator import Estimator
+from p2l.contracts.observation import Observation, Privileged
+from p2l.contracts.world import Command, Rows, View
 from p2l.errors import ConfigError
 from p2l.records import Array, BoolArray, IntArray
 from p2l.sim.batch import Chunk, Engine
 from p2l.sim.scene import Scene
-from p2l.worlds.estimator import Estimator
-from p2l.worlds.observation import Observation, Privileged
-from p2l.worlds.world import Command, Rows, View
 
 ROW_VERSION = 1  # raise when the meaning of a saved row changes
 HAND = ("grip_quat", "target_quat")

@@ -1,0 +1,156 @@
+"""Policies, unchanged, where they were not learnt: another arm, another object, another simulator (thesis, table 5.2).
+
+Failures are induced as in section 5.4.5: the nominal skills run until a detector has fired often enough; from each of
+those moments the policy acts, and what counts is how often the task is done then.
+
+Axis letters: F failures.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from p2l.chaining.agent import Agent
+from p2l.chaining.episodes import Agents, Book
+from p2l.chaining.execute import nominal_part, recover
+from p2l.contracts.option import Option
+from p2l.contracts.world import World
+from p2l.evaluation.statistics import t_interval, wilson_interval
+from p2l.evaluation.team.tables import COLUMNS, Row
+from p2l.evaluation.thesis import Thesis
+from p2l.ledger import find, write
+from p2l.registry import get_options, get_world
+from p2l.seeding import generator
+from p2l.skills.runner import Reason
+
+TABLE = "table_5_2"
+VERSION = 2  # raise it when an edit of the code changes episodes: committed records know no code
+MIRROR_VERSION = 2  # the same for robosuite's environments alone
+AT_ONCE = 64
+ROBOSUITE = "robosuite"
+MOST = 20  # executions for each failure that is wanted: nominal skills that hardly ever fail end the search
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A world that policies were not learnt in.
+
+    Attributes:
+        name: for tables and records.
+        world: with the columns and actions of the one they were learnt in.
+        nominal: its chain.
+        failures: F wanted.
+        at_once: rows that the world can hold.
+    """
+
+    name: str
+    world: World
+    nominal: Sequence[Option]
+    failures: int
+    at_once: int = AT_ONCE
+
+
+def variants(
+    name: str, params: Mapping[str, Any], others: Mapping[str, Mapping[str, Any]], failures: int
+) -> list[Variant]:
+    """The worlds `others`, by name: parameters that differ from `params`."""
+    worlds = {other: get_world(name, {**params, **differs}) for other, differs in others.items()}
+    return [Variant(other, world, get_options(name, world), failures) for other, world in worlds.items()]
+
+
+def robosuite_variant(world: World, failures: int, stack: ExitStack) -> Variant:
+    """The environment and controller of robosuite in place of `world`, one row at a time; `stack` closes it."""
+    from p2l.worlds.robosuite import make
+
+    there = make(world)
+    stack.callback(there.engine.close)
+    return Variant(ROBOSUITE, there, get_options(world.name, world), failures, at_once=1)
+
+
+def transfer_of_seed(
+    book: Book, moved: Sequence[tuple[Variant, Agents]], seed: int, progress: Callable[[int], None] | None = None
+) -> pd.DataFrame:
+    """Induced failures of every variant, recovered by every learner's policy; from records, or leaving them.
+
+    Args:
+        book: the ledger.
+        moved: the variants, each with the policies, by learner, that were let in there.
+        seed: of the start states, and of the policies.
+        progress: told 1 after each policy.
+
+    Returns:
+        `variant, learner, seed, failures, recovered, executions`, a row per variant and learner.
+    """
+    columns = ["variant", "learner", "seed", "failures", "recovered", "executions"]
+    rows = []
+    for variant, agents in moved:
+        for learner, (agent, policy) in agents.items():
+            world, names = variant.world, [option.name for option in variant.nominal]
+            decisive = [VERSION, variant.name, world.digest, world.estimator.mode, variant.failures, names]
+            decisive += [MIRROR_VERSION] if variant.name == ROBOSUITE else []
+            item = book.entry(f"{learner}_to_{variant.name}", seed, agent, policy, *decisive)
+            if (known := find(book.records, item)) is None:
+                begun = time.perf_counter()
+                known = induced(variant, agent, seed)
+                write(book.records, item, known, seconds=time.perf_counter() - begun)
+            told = {name: int(known[name]) for name in ("failures", "recovered", "executions")}
+            rows.append({"variant": variant.name, "learner": learner, "seed": seed, **told})
+            if progress is not None:
+                progress(1)
+    return pd.DataFrame(rows, columns=columns)
+
+
+def induced(variant: Variant, agent: Agent, seed: int) -> dict[str, Any]:
+    """Run the nominal skills until they have failed often enough, and let the agent recover from every failure.
+
+    Args:
+        variant: where.
+        agent: who.
+        seed: of the start states; every agent meets the same failures.
+    """
+    world, wanted = variant.world, variant.failures
+    rng = generator(seed, "evaluate_chains", world.name, "transfer", variant.name)
+    outcomes: list[bool] = []
+    executions = 0
+    while len(outcomes) < wanted and executions < MOST * wanted:
+        starts = world.sample(rng, variant.at_once)
+        plain = nominal_part(world, variant.nominal, starts, slots=variant.at_once)
+        executions += len(starts)
+        flagged = plain.last.reason == Reason.FAILED
+        if flagged.any():
+            found = recover(world, variant.nominal, agent, plain.last.rows.take(flagged))
+            outcomes += found.success.tolist()
+    taken = outcomes[:wanted]
+    return {"failures": len(taken), "recovered": sum(taken), "executions": executions}
+
+
+def table_5_2(world: str, found: pd.DataFrame, thesis: Thesis) -> pd.DataFrame:
+    """Recovery rate of every variant: pooled over seeds (Wilson limits), the seeds' mean (t limits), and the seeds."""
+    rows: list[Row] = []
+    for (variant, learner), part in found.groupby(["variant", "learner"], sort=False):
+        setting, counts = f"world={world};variant={variant}", part[["recovered", "failures"]].sum()
+        trials = int(counts["failures"])
+        if not trials:
+            rows.append((str(learner), setting, "recovery", np.nan, np.nan, np.nan, 0))
+            continue
+        low, high = wilson_interval(int(counts["recovered"]), trials)
+        rows.append((str(learner), setting, "recovery", counts["recovered"] / trials, float(low), float(high), trials))
+        some = part[part["failures"] > 0]
+        seeds = t_interval((some["recovered"] / some["failures"]).to_numpy(dtype=float))
+        limits = float(seeds.mean), float(seeds.low), float(seeds.high)
+        rows.append((str(learner), setting, "recovery_by_seed", *limits, seeds.n))
+        for one in some.to_dict("records"):
+            done, all_of = int(one["recovered"]), int(one["failures"])
+            ends = [float(end) for end in wilson_interval(done, all_of)]
+            rows.append(
+                (str(learner), f"{setting};seed={one['seed']}", "recovery", done / all_of, ends[0], ends[1], all_of)
+            )
+    table = pd.DataFrame(rows, columns=list(COLUMNS[:-1]))
+    return thesis.beside(table.astype({"mean": float, "low": float, "high": float, "n": int}), TABLE)

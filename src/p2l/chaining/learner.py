@@ -1,0 +1,104 @@
+"""What a learner brings to PPO: its actions, its reward, where its episodes start, how its policy acts afterwards.
+
+A learner is one file with a function `learner(task, limits, **settings) -> Learner`, and one line in `learners`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from p2l.chaining.mdp import Judge, Limits, task_success
+from p2l.chaining.pool import Pool
+from p2l.chaining.preconditions import Preconditions
+from p2l.chaining.revisit import Revisits
+from p2l.chaining.shortcut import Shortcut
+from p2l.contracts.option import Option
+from p2l.contracts.world import Rows, World
+from p2l.errors import ConfigError
+from p2l.skills.primitives import PRIMITIVES, Primitive
+
+
+def no_failures(world: str) -> ConfigError:
+    """There is nothing to learn from."""
+    return ConfigError(
+        f"no failures of world '{world}' to recover from; find some with `python -m stages.discover world={world} "
+        f"hydra.run.dir=data/discover/{world}`, with more executions or more noise"
+    )
+
+
+def whole(value: object, *, at_least: int) -> bool:
+    """Whether a parameter is an integer that is large enough."""
+    return isinstance(value, int) and not isinstance(value, bool) and value >= at_least
+
+
+def share(value: object) -> bool:
+    """Whether a parameter is a number strictly between 0 and 1."""
+    return isinstance(value, float) and 0.0 < value < 1.0
+
+
+@dataclass(frozen=True)
+class Task:
+    """What a recovery is learnt for.
+
+    Attributes:
+        world: where.
+        nominal: the chain π_1 … π_k.
+        failures: recorded failures.
+        seed: of the run; a learner derives its own generators from it.
+    """
+
+    world: World
+    nominal: Sequence[Option]
+    failures: Rows
+    seed: int
+
+    def __post_init__(self) -> None:
+        if not len(self.failures):
+            raise no_failures(self.world.name)
+
+
+@dataclass(frozen=True)
+class Learner:
+    """An MDP, and how what is learnt in it acts.
+
+    Attributes:
+        limits: bounds of an episode.
+        starts: its episodes start here.
+        primitives: the agent's own actions.
+        options: whether the nominal options are its actions, too.
+        judge: the reward of a decision.
+        shortcut: options that need not be simulated.
+        preconditions: hand over to the best nominal controller where one of them holds, or at the episode's bounds.
+        whole_task: it does without the nominal controllers, from the task's start.
+    """
+
+    limits: Limits
+    starts: Rows
+    primitives: tuple[Primitive, ...] = PRIMITIVES
+    options: bool = True
+    judge: Judge = task_success
+    shortcut: Shortcut | None = None
+    preconditions: Preconditions | None = None
+    whole_task: bool = False
+
+    def pool(self, task: Task, rng: np.random.Generator, slots: int, revisit: float = 0.0) -> Pool:
+        """The MDP it learns in; episodes start at one of `starts`, drawn by `rng`, or go on from an earlier success.
+
+        Args:
+            task: what for.
+            rng: which starts.
+            slots: episodes at once.
+            revisit: see `revisit.Revisits`; whole tasks are never gone on with.
+        """
+        rows, nominal = self.starts, task.nominal if self.options else ()
+        again = None
+        if revisit and not self.whole_task:
+            again = Revisits(revisit, slots, self.limits.decisions, rng.spawn(1)[0])
+
+        def some(n: int) -> Rows:
+            return rows.take(rng.integers(len(rows), size=n))
+
+        return Pool(task.world, nominal, self.primitives, some, slots, self.limits, self.judge, again)

@@ -1,0 +1,1 @@
+"""The learners that are compared: RC, Lazy RC, PP and RL; `table` lists them."""

@@ -1,0 +1,52 @@
+"""Pretrained preconditions: learn to reach what offline data says the nominal controllers start from (thesis, 5.3.3).
+
+The same primitives and failures; an episode is paid, and ends, where the precondition of one of the controllers holds.
+Afterwards the controller that scores best there takes over.
+
+1. Failures at which a precondition is already believed to hold are nothing to learn from, and left out of the starts.
+2. Where no precondition holds at the bounds of an episode, the best-scoring controller takes over all the same.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from p2l.chaining import preconditions
+from p2l.chaining.learner import Learner, Task, share, whole
+from p2l.chaining.mdp import Limits, Played
+from p2l.chaining.pool import first_state
+from p2l.errors import ConfigError
+from p2l.records import Array, BoolArray
+from p2l.seeding import generator
+
+
+def learner(task: Task, limits: Limits, *, trajectories: int = 300, every: int = 5, threshold: float = 0.5) -> Learner:
+    """Fit the preconditions offline, then pay for reaching them.
+
+    Args:
+        task: what for.
+        limits: bounds of an episode.
+        trajectories: nominal ones to learn the preconditions from.
+        every: control steps between their states.
+        threshold: probability from which a precondition counts as met.
+
+    Raises:
+        ConfigError: a parameter that makes no sense.
+    """
+    for name, value in (("trajectories", trajectories), ("every", every)):
+        if not whole(value, at_least=1):
+            raise ConfigError(f"pp: {name} must be an integer of at least 1, got {value!r}")
+    if not share(threshold):
+        raise ConfigError(f"pp: threshold must be a number above 0 and below 1, got {threshold!r}")
+    starts = task.world.sample(generator(task.seed, "pp", task.world.name, "trajectories"), trajectories)
+    visited = preconditions.visit(task.world, task.nominal, starts, every=every)
+    rng = generator(task.seed, "pp", task.world.name, "fit")
+    known = preconditions.fit(visited, task.nominal, limits.fields, threshold, rng)
+    open_ones = ~known.met(first_state(task.world, task.failures, limits).values)
+
+    def reached(played: Played) -> tuple[Array, BoolArray]:
+        met = known.met(played.observation) & ~played.failed
+        return met.astype(np.float64), met
+
+    rows = task.failures.take(open_ones) if open_ones.any() else task.failures
+    return Learner(limits, rows, options=False, judge=reached, preconditions=known)

@@ -1,0 +1,11 @@
+"""RecoveryChaining: primitives and terminal nominal options, paid with task success (thesis, section 5.3.2)."""
+
+from __future__ import annotations
+
+from p2l.chaining.learner import Learner, Task
+from p2l.chaining.mdp import Limits
+
+
+def learner(task: Task, limits: Limits) -> Learner:
+    """The MDP as it is."""
+    return Learner(limits, task.failures)

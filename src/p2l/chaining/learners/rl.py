@@ -1,0 +1,92 @@
+"""Flat reinforcement learning: the whole task from its start, primitives only, a dense hand-designed reward.
+
+The reward of a decision is the growth of a potential, and 1 for the task: come to the object, hold it, bring it to its
+place.
+
+1. "Just the primitive actions" cannot move the fingers, so that nothing could ever be held; this learner may also open
+   and close them.
+2. Its episodes have to last for a whole task: they have bounds of their own.
+3. The growth is Φ' − Φ. Ng, Harada and Russell (1999) leave the best policy unchanged with γ Φ' − Φ, which charges
+   1 − γ of the potential for every decision near the goal; without it a way to and fro gains as much, 1 % of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from p2l.chaining.learner import Learner, Task, whole
+from p2l.chaining.mdp import Limits, Played
+from p2l.contracts.observation import Privileged
+from p2l.contracts.world import Rows, World
+from p2l.errors import ConfigError
+from p2l.records import Array, BoolArray
+from p2l.seeding import generator
+from p2l.skills.primitives import GRIPS, PRIMITIVES
+
+Place = Callable[[Privileged], Array]
+REACH, HOLD, CARRY = 0.3, 0.2, 0.5
+NEAR_M, SHARPNESS_PER_M = 0.06, 5.0
+
+
+def _bread(truth: Privileged) -> Array:
+    from p2l.worlds.pick_place.world import QUARTER_M
+
+    return np.tile(QUARTER_M, (len(truth), 1))
+
+
+def _shelf(truth: Privileged) -> Array:
+    return truth["shelf_pos_m"] + [0.0, 0.0, 0.08]  # the box stands there: half its height above the board
+
+
+PLACES: dict[str, Place] = {"pick_place": _bread, "shelf": _shelf, "cluttered_shelf": _shelf}
+
+
+def learner(task: Task, limits: Limits, *, decisions: int = 80, starts: int = 500) -> Learner:
+    """The whole task.
+
+    Args:
+        task: what for.
+        limits: what a state is made of.
+        decisions: of an episode.
+        starts: start states, drawn once.
+
+    Raises:
+        ConfigError: nobody has said where the object belongs in this world, or a parameter makes no sense.
+    """
+    for name, value in (("decisions", decisions), ("starts", starts)):
+        if not whole(value, at_least=1):
+            raise ConfigError(f"rl: {name} must be an integer of at least 1, got {value!r}")
+    if task.world.name not in PLACES:
+        raise ConfigError(
+            f"rl: no dense reward for world '{task.world.name}'; there is one for {', '.join(PLACES)}. Say where the "
+            "object belongs in p2l.chaining.learners.rl.PLACES"
+        )
+    rows = task.world.sample(generator(task.seed, "rl", task.world.name, "starts"), starts)
+    bounds = replace(limits, decisions=decisions, primitive_steps=10 * decisions)
+    dense = _growth(task.world, PLACES[task.world.name])
+    return Learner(bounds, rows, (*PRIMITIVES, *GRIPS), options=False, judge=dense, whole_task=True)
+
+
+def potential(world: World, rows: Rows, place: Place) -> Array:
+    """[K] in [0, 1]: how far the task has come."""
+    truth = world.privileged(rows)
+    thing = truth["object_pos_m"]
+    reach = np.linalg.norm(truth["grip_pos_m"] - thing, axis=1)
+    held = (reach < NEAR_M) & (rows.grip > 0.5) & (truth["gap_m"][:, 0] > 0.01)
+    away = np.linalg.norm(place(truth) - thing, axis=1)
+    return REACH * _closeness(reach) + held * (HOLD + CARRY * _closeness(away))
+
+
+def _closeness(distance_m: Array) -> Array:
+    return np.asarray(1.0 - np.tanh(SHARPNESS_PER_M * distance_m))
+
+
+def _growth(world: World, place: Place) -> Callable[[Played], tuple[Array, BoolArray]]:
+    def judge(played: Played) -> tuple[Array, BoolArray]:
+        grown = potential(world, played.after, place) - potential(world, played.before, place)
+        return grown + played.done, played.done
+
+    return judge

@@ -1,0 +1,222 @@
+"""stable-baselines3's PPO on a pool of slots: only the gathering of rollouts is its own.
+
+1. A rollout is `n_steps` decisions of all slots together (thesis: 120), in SB3's own buffer as if of one environment,
+   trajectory after trajectory with `episode_starts` at their heads.
+2. Where the rollout ends within a trajectory, γ · V(next state) is added to its last reward. A bound on an episode's
+   length ends it for good, unlike SB3's time limits: who has not handed over by then has failed to recover (eq. 5.1).
+   With γ · V there, moving to and fro is worth as much as trying, and learners of the shelf settle for it.
+3. The entropy bonus is 0.02, the author's 0, and λ is 0.8, SB3's 0.95 (conf/chain_recoveries.yaml). Normalised
+   advantages of rollouts without any pay are noise, and the bonus holds against that. Where options end an episode
+   and mostly fail, a long λ charges a good motion for the option tried after it; with 0.5, or with pieces of
+   trajectories as short as 64 slots leave of 120 decisions, the critic alone credits it, and learning gets stuck.
+4. `num_timesteps` counts simulated control steps, options included, so a budget is one of simulation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import gymnasium
+import numpy as np
+import torch
+from stable_baselines3 import PPO
+from stable_baselines3.common.buffers import RolloutBuffer
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
+from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
+
+from p2l.chaining.env import spaces
+from p2l.chaining.mdp import Transitions
+from p2l.chaining.policy import CLIP, Normalisation
+from p2l.chaining.pool import Pool
+from p2l.chaining.rollout import Decisions, Gatherer
+from p2l.chaining.shortcut import Shortcut
+from p2l.records import Array, IntArray
+
+
+@dataclass(frozen=True)
+class PPOSettings:
+    """Those of the thesis's experiments; the others are SB3's defaults.
+
+    Attributes:
+        n_steps: decisions of a rollout.
+        batch_size: decisions of a minibatch.
+        n_epochs: passes over a rollout.
+        learning_rate: of Adam.
+        clip_range: of the probability ratio.
+        ent_coef: weight of the entropy.
+        gamma: discount of a decision.
+        gae_lambda: of the advantages.
+        hidden: sizes of the hidden layers, of the policy and of the value.
+    """
+
+    n_steps: int = 120
+    batch_size: int = 60
+    n_epochs: int = 10
+    learning_rate: float = 3e-4
+    clip_range: float = 0.2
+    ent_coef: float = 0.0
+    gamma: float = 0.99
+    gae_lambda: float = 0.95
+    hidden: tuple[int, ...] = (256, 256)
+
+
+@dataclass
+class Round:
+    """What happened during one rollout.
+
+    Attributes:
+        chosen: [A] how often each action was chosen among the decisions of the rollout, whatever their episode.
+        ended: episodes from recorded failures that ended.
+        done: of them, those that the learner's judge calls done.
+        revisited: episodes that went on from an earlier success, and ended.
+        settled: episodes that ended unsimulated.
+        reward: sum over decisions.
+    """
+
+    chosen: IntArray
+    ended: int = 0
+    done: int = 0
+    revisited: int = 0
+    settled: int = 0
+    reward: float = 0.0
+
+    def add(self, told: Transitions, settled: bool) -> None:
+        """Count what has played out."""
+        self.ended += int((told.over & told.fresh).sum())
+        self.done += int((told.done & told.over & told.fresh).sum())
+        self.revisited += int((told.over & ~told.fresh).sum())
+        self.settled += settled * len(told.slot)
+        self.reward += float(told.reward.sum())
+
+
+class PoolPPO(PPO):
+    """PPO whose environment is a pool.
+
+    Args:
+        pool: the MDP.
+        settings: of the algorithm.
+        normalisation: of observations, frozen.
+        seed: below 2³²; SB3 seeds Python's, NumPy's and torch's global generators with it.
+        shortcut: says which options need not be simulated.
+    """
+
+    def __init__(
+        self,
+        pool: Pool,
+        settings: PPOSettings,
+        normalisation: Normalisation,
+        seed: int,
+        shortcut: Shortcut | None = None,
+    ) -> None:
+        self.pool, self.shortcut = pool, shortcut
+        self.gathered = Gatherer()
+        self.steps_before = 0  # control steps of the run that this one resumes
+        self.round = Round(np.zeros(len(pool.actions), dtype=np.int64))
+        kept = {name: value for name, value in vars(settings).items() if name != "hidden"}
+        sizes = list(settings.hidden)
+        extractor = {"centre": normalisation.centre, "scale": normalisation.scale}
+        super().__init__(
+            "MlpPolicy",
+            DummyVecEnv([lambda: _Spaces(pool)]),
+            seed=seed,
+            device="cpu",
+            policy_kwargs={
+                "net_arch": {"pi": sizes, "vf": sizes},
+                "features_extractor_class": Standardise,
+                "features_extractor_kwargs": extractor,
+            },
+            **kept,
+        )
+
+    def collect_rollouts(
+        self, env: VecEnv, callback: BaseCallback, rollout_buffer: RolloutBuffer, n_rollout_steps: int
+    ) -> bool:
+        """Fill the buffer with the next `n_rollout_steps` decisions that play out, in whatever slot."""
+        del env  # its spaces are all that it has
+        self.policy.set_training_mode(False)
+        callback.on_rollout_start()
+        self.round = Round(np.zeros(len(self.pool.actions), dtype=np.int64))
+        while len(self.gathered) < n_rollout_steps:
+            if self.pool.waiting.any():  # also those whose episode has just been settled
+                self._decide(np.flatnonzero(self.pool.waiting))
+                continue
+            self._tell(self.pool.poll())
+            self.num_timesteps = self.steps_before + self.pool.control_steps
+            callback.update_locals(locals())
+            if not callback.on_step():
+                return False
+        taken = self.gathered.take(n_rollout_steps)
+        self.round.chosen = np.bincount(taken.action, minlength=len(self.pool.actions))
+        self._fill(rollout_buffer, taken)
+        callback.update_locals(locals())
+        callback.on_rollout_end()
+        return True
+
+    def _decide(self, slots: IntArray) -> None:
+        observation = self.pool.observation[slots]
+        with torch.no_grad():
+            action, value, log_prob = self.policy(_tensor(observation))
+        chosen = action.numpy().astype(np.int64)
+        self.gathered.decide(slots, observation, chosen, value.numpy()[:, 0], log_prob.numpy())
+        if self.shortcut is not None:
+            sure = self.shortcut.sure(observation, chosen)
+            if sure.any():
+                self._tell(self.pool.settle(slots[sure], np.ones(int(sure.sum()))), settled=True)
+            slots, chosen = slots[~sure], chosen[~sure]
+            self.shortcut.begin(slots, observation[~sure], chosen)
+        if len(slots):
+            self.pool.act(slots, chosen)
+
+    def _tell(self, told: Transitions, *, settled: bool = False) -> None:
+        self.gathered.add(told)
+        self.round.add(told, settled)
+        if self.shortcut is not None and not settled:
+            self.shortcut.end(told)
+
+    def _fill(self, buffer: RolloutBuffer, taken: Decisions) -> None:
+        reward = taken.reward.copy()
+        if (cut := taken.open_end).any():
+            with torch.no_grad():
+                future = self.policy.predict_values(_tensor(taken.after[cut])).numpy()[:, 0]
+            reward[cut] += self.gamma * future
+        buffer.reset()
+        observation = taken.observation.astype(np.float32)
+        value, log_prob = (torch.tensor(part, dtype=torch.float32) for part in (taken.value, taken.log_prob))
+        for k in range(len(reward)):
+            one = slice(k, k + 1)
+            buffer.add(observation[one], taken.action[one], reward[one], taken.head[one], value[one], log_prob[one])
+        buffer.compute_returns_and_advantage(last_values=torch.zeros(1), dones=np.ones(1))  # the last one ends, too
+
+
+class Standardise(BaseFeaturesExtractor):
+    """(observation − centre) / scale, within ± CLIP."""
+
+    centre: torch.Tensor
+    scale: torch.Tensor
+
+    def __init__(self, observation_space: gymnasium.Space[Any], centre: Array, scale: Array) -> None:
+        super().__init__(observation_space, features_dim=len(centre))
+        self.register_buffer("centre", torch.tensor(centre, dtype=torch.float32))
+        self.register_buffer("scale", torch.tensor(scale, dtype=torch.float32))
+
+    def forward(self, observations: torch.Tensor) -> torch.Tensor:
+        """[K, O] → [K, O]."""
+        return ((observations - self.centre) / self.scale).clamp(-CLIP, CLIP)
+
+
+class _Spaces(gymnasium.Env[Array, int]):
+    """What SB3 asks of an environment before it learns; steps come from the pool."""
+
+    def __init__(self, pool: Pool) -> None:
+        self.observation_space, self.action_space = spaces(pool)
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
+        """Nothing to start."""
+        super().reset(seed=seed, options=options)
+        return np.zeros(self.observation_space.shape or (), dtype=np.float32), {}
+
+
+def _tensor(values: Array) -> torch.Tensor:
+    return torch.tensor(values, dtype=torch.float32)

@@ -1,0 +1,226 @@
+"""Where recoveries hand control back, how they got there, and whether nominal execution ever was there (figure 5.9).
+
+For every failure of the evaluation's episodes the policy acts again, and the moment of its last decision is kept: the
+state in which it starts a nominal option. How far that is from where the option is in nominal execution is measured
+in the world's own features of failures (`World.mode_fields`), standardised over nominal states.
+
+Readings of the thesis, which defines none of this:
+1. Nominal execution: runs of the nominal skills that do the task. Those that are flagged lead to the very states that
+   recoveries start from.
+2. Two sets of states for every option: `visited`, all in which it is at work, and `begun`, those in which it starts.
+3. A state is outside a set if its nearest neighbour in half of the runs is farther away than that of 99 % of the
+   states of the other half; so about 1 % of nominal states are outside.
+4. A recovery that hands nothing back is judged in none of these sets.
+
+Axis letters: N recoveries, K states, F features.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from scipy.spatial import cKDTree
+
+from p2l.chaining.agent import Agent
+from p2l.chaining.episodes import Agents, Book, nominal_episodes
+from p2l.chaining.execute import BATCH, Recovered, recover
+from p2l.chaining.strategies import strategy
+from p2l.contracts.option import Option
+from p2l.contracts.world import Rows, World
+from p2l.evaluation.chaining.reuse import SETS
+from p2l.failures.classifier import default_fields, features
+from p2l.ledger import find, write
+from p2l.records import Array, IntArray
+from p2l.skills.chain import run
+from p2l.skills.runner import Reason
+
+VERSION = 1  # raise it when an edit of the code changes rows: committed records know no code
+QUANTILE = 0.99
+FEWEST = 4  # nominal runs through an option to say where it is used
+COLUMNS = ("option", "success", "primitives", "strategy", *(f"off_{name}" for name in SETS))
+
+
+@dataclass(frozen=True)
+class Known:
+    """A set of nominal states.
+
+    Attributes:
+        tree: of standardised features.
+        limit: distance beyond which a state is outside.
+    """
+
+    tree: cKDTree
+    limit: float
+
+    @classmethod
+    def of(cls, values: Array, episode: IntArray) -> Known | None:
+        """From standardised [K, F] of the runs `episode` [K]; None if the runs are fewer than `FEWEST`."""
+        runs = np.unique(episode)
+        if len(runs) < FEWEST:
+            return None
+        half = np.isin(episode, runs[::2])
+        tree = cKDTree(values[half])
+        away, _ = tree.query(values[~half])
+        return cls(tree, max(float(np.quantile(away, QUANTILE, method="higher")), 1e-9))
+
+    def off(self, values: Array) -> Array:
+        """[K] distances of standardised [K, F] in units of the limit: outside above 1."""
+        away, _ = self.tree.query(values)
+        return np.asarray(away / self.limit)
+
+
+@dataclass(frozen=True)
+class Nominal:
+    """Where nominal execution has its options.
+
+    Attributes:
+        centre, spread: [F] of the features.
+        sets: by option (its number in the chain) and name of `SETS`; None where too few runs got there.
+    """
+
+    centre: Array
+    spread: Array
+    sets: Mapping[tuple[int, str], Known | None]
+
+    def off(self, option: int, name: str, values: Array) -> Array:
+        """[K] how far features [K, F] are off, outside above 1; NaN where that is not known."""
+        known = self.sets.get((option, name))
+        return np.full(len(values), np.nan) if known is None else known.off((values - self.centre) / self.spread)
+
+
+def of_rows(world: World, rows: Rows) -> Array:
+    """[K, F] the features of states."""
+    truth = world.privileged(rows)
+    return features(truth, tuple(world.mode_fields) or default_fields(truth))[1]
+
+
+def nominal_sets(world: World, nominal: Sequence[Option], starts: Rows) -> Nominal:
+    """The states of nominal runs from `starts`, of those that do the task."""
+    parts = [(np.arange(len(starts)), np.zeros(len(starts), dtype=np.int64), of_rows(world, starts))]
+    done = run(world, nominal, starts, watch=lambda who, step, rows: parts.append((who, step, of_rows(world, rows))))
+    episode, step, values = (np.concatenate(part) for part in zip(*parts, strict=True))
+    order = np.lexsort((step, episode))
+    order = order[done.success[episode[order]]]
+    episode, step, values = episode[order], step[order], values[order]
+    over = (done.ends.episode[None] == episode[:, None]) & (done.ends.step[None] <= step[:, None])
+    option = over.sum(axis=1)  # the state in which one option ends is that in which the next begins
+    spread = values.std(axis=0) if len(values) else np.ones(values.shape[1])
+    centre = values.mean(axis=0) if len(values) else np.zeros(values.shape[1])
+    spread = np.where(spread < 1e-9, 1.0, spread)
+    begins = np.append(True, (episode[1:] != episode[:-1]) | (option[1:] != option[:-1]))[: len(option)]
+    sets = {}
+    for number in range(len(nominal)):
+        for name, where in (("visited", option == number), ("begun", (option == number) & begins)):
+            sets[number, name] = Known.of((values[where] - centre) / spread, episode[where])
+    return Nominal(centre, spread, sets)
+
+
+def last_decisions(world: World, nominal: Sequence[Option], agent: Agent, rows: Rows) -> tuple[Recovered, Rows]:
+    """What the agent does from `rows` [N], and the state [N] in which it takes its last decision."""
+    parts = [
+        _last(world, nominal, agent, rows.take(np.arange(first, min(first + BATCH, len(rows)))))
+        for first in range(0, len(rows), BATCH)
+    ]
+    found, moments = zip(*parts, strict=True)
+    names = Recovered.__dataclass_fields__
+    joined = Recovered(**{name: np.concatenate([getattr(part, name) for part in found]) for name in names})
+    return joined, Rows.join(moments)
+
+
+def _last(world: World, nominal: Sequence[Option], agent: Agent, rows: Rows) -> tuple[Recovered, Rows]:
+    every = np.arange(len(rows))
+    moments = [rows.take(every)]  # by the number of decisions that have played out
+    reached = np.zeros(len(rows), dtype=np.int64)
+
+    def watch(slots: IntArray, now: Rows) -> None:
+        count = now.actions - rows.actions[slots]
+        for number in np.unique(count[count > reached[slots]]).tolist():
+            while len(moments) <= number:
+                moments.append(rows.take(every))
+            new = (count == number) & (reached[slots] < number)
+            moments[number].put(slots[new], now.take(new))
+            reached[slots[new]] = number
+
+    found = recover(world, nominal, agent, rows, watch)
+    last = (found.actions >= 0).sum(axis=1) - 1
+    return found, Rows.join([moments[number].take([row]) for row, number in enumerate(last.tolist())])
+
+
+def reuse_rows(world: World, nominal: Sequence[Option], agent: Agent, failures: Rows, known: Nominal) -> pd.DataFrame:
+    """One row per failure.
+
+    Returns:
+        `option`: the nominal option handed over to, empty if none was; `success`; `primitives`; `strategy`;
+        `off_visited`, `off_begun`: how far from nominal execution's states of that option, outside above 1.
+    """
+    if not len(failures):
+        return pd.DataFrame({name: [] for name in COLUMNS})
+    found, moment = last_decisions(world, nominal, agent, failures)
+    count = (found.actions >= 0).sum(axis=1)
+    chosen = found.actions[np.arange(len(count)), count - 1] - len(agent.primitives)
+    values = of_rows(world, moment)
+    off = {name: np.full(len(count), np.nan) for name in SETS}
+    for number in np.unique(chosen[chosen >= 0]).tolist():
+        mine = chosen == number
+        for name in SETS:
+            off[name][mine] = known.off(number, name, values[mine])
+    names = [nominal[number].name if number >= 0 else "" for number in chosen.tolist()]
+    primitives = count - (chosen >= 0)
+    told = {"option": names, "success": found.success, "primitives": primitives}
+    told["strategy"] = strategy(world, failures, moment, primitives)
+    return pd.DataFrame({**told, **{f"off_{name}": value for name, value in off.items()}})
+
+
+def reuse_of_seed(
+    book: Book,
+    world: World,
+    nominal: Sequence[Option],
+    seed: int,
+    agents: Agents,
+    episodes: int,
+    known: Callable[[], Nominal],
+    key: Sequence[Any],
+) -> pd.DataFrame:
+    """Rows of every learner, from records or leaving them; from the failures of `chain_episodes.episodes_of_seed`.
+
+    Args:
+        book: the ledger.
+        world: where.
+        nominal: the chain.
+        seed: of the start states, and of the policies.
+        agents: by learner; those that learnt the whole task hand nothing over, and are left out.
+        episodes: from which the failures come.
+        known: where nominal execution is; asked only if something has to be run.
+        key: what `known` depends on.
+    """
+    failures: Rows | None = None
+    tables = [pd.DataFrame({name: [] for name in ("learner", "seed", *COLUMNS)})]
+    for learner, (agent, policy) in agents.items():
+        names = [option.name for option in nominal]
+        decisive = [VERSION, world.digest, world.estimator.mode, episodes, names, *key]
+        item = book.entry(f"{learner}_reuse", seed, agent, policy, *decisive)
+        if (kept := find(book.records, item)) is None and not agent.whole_task:
+            begun = time.perf_counter()
+            if failures is None:
+                last = nominal_episodes(book, world, nominal, seed, episodes)[1].last
+                failures = last.rows.take(last.reason == Reason.FAILED)
+            kept = {"recoveries": _columns(reuse_rows(world, nominal, agent, failures, known()))}
+            write(book.records, item, kept, seconds=time.perf_counter() - begun)
+        if kept is not None:
+            tables.append(pd.DataFrame(kept["recoveries"]).assign(learner=learner, seed=seed))
+    return pd.concat([one for one in tables if len(one)] or tables, ignore_index=True)
+
+
+def _columns(rows: pd.DataFrame) -> dict[str, list[Any]]:
+    """Plain values; what is not known is null."""
+    plain = rows.astype(object).where(rows.notna(), None)
+    return {str(name): [None if one is None else _plain(one) for one in column] for name, column in plain.items()}
+
+
+def _plain(value: Any) -> Any:
+    return round(float(value), 6) if isinstance(value, float) else value.item() if hasattr(value, "item") else value

@@ -1,0 +1,60 @@
+"""The contract of a nominal skill: an option with a precondition, a policy and a termination.
+
+An option is asked at every control step, for all rows that run it at once; what it must remember of a row lives in
+that row's memory, so rows come and go in any order. Options that differ only in what they put there may say so by
+equal attributes `decides_as`, and are then asked together. An option acts on observations only; its hand-written
+precondition is judged on the truth (thesis, section 4.3.1: "not able to recover from it even if it could observe the
+true state").
+
+Axis letters: N rows, m columns of an option's memory.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol, runtime_checkable
+
+from p2l.contracts.observation import Observation, Privileged
+from p2l.contracts.world import Command
+from p2l.records import Array, BoolArray, IntArray
+
+
+@dataclass(frozen=True)
+class Decision:
+    """What an option wants for the next control step.
+
+    Attributes:
+        command: the target pose and grip.
+        memory: [N, m] what it will remember.
+        done: [N] it has ended, and the command is not carried out.
+    """
+
+    command: Command
+    memory: Array
+    done: BoolArray
+
+
+@runtime_checkable
+class Option(Protocol):
+    """One nominal skill."""
+
+    @property
+    def name(self) -> str:
+        """For tables and files, e.g. `pull_handle`."""
+
+    @property
+    def memory_size(self) -> int:
+        """Columns of memory that a row needs."""
+
+    @property
+    def max_steps(self) -> int:
+        """Control steps after which it is ended whatever it wants."""
+
+    def precondition(self, truth: Privileged) -> BoolArray:
+        """[N] hand-written initiation set."""
+
+    def begin(self, seen: Observation) -> Array:
+        """[N, m] memory at the start, from what is observed then."""
+
+    def decide(self, seen: Observation, memory: Array, step: IntArray) -> Decision:
+        """The next control step; `step` [N] counts those carried out since `begin`."""

@@ -1,0 +1,349 @@
+"""Learning to insert under uncertainty: the insertion and board domains of chapter 3.
+
+A person demonstrates by touching the nearest wall, coming back by the distance they see, pressing lightly and
+searching along the wall; REPS turns the demonstration into a skill that succeeds under the noise of the slot
+estimate (thesis, figure 3.6 and section 3.5.1). Skills are six waypoints of a displacement and a stiffness.
+
+Deviations from the thesis, each where it is silent:
+1. REPS starts from that demonstration rather than from nothing; among equally near walls one is drawn at random.
+2. Every sample of an update meets its own estimate error. The distribution whose mean succeeds most often in
+   `validation_draws` further errors is kept, and a search ends when that rate reaches `solved_rate`.
+
+Axis letters: K skills, M tasks, R noise draws, N rows, P = 24 parameters.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, Literal, TypeVar
+
+import mujoco
+import numpy as np
+
+from p2l.contracts.domain import Encoding, InsertionView, Progress, Tasks
+from p2l.domains.insertion.layouts import board_tasks, sample_board_tasks, sample_grid_tasks
+from p2l.domains.insertion.physics import (
+    DIRECTIONS,
+    DISTANCE_NAMES,
+    FEATURE_NAMES,
+    PART_HALF_WIDTH,
+    POSITION_SENSOR,
+    Physics,
+    build_model,
+    is_inserted,
+    start_states,
+)
+from p2l.domains.insertion.waypoints import WAYPOINT_SIZE, WaypointTiming, execute
+from p2l.errors import ConfigError
+from p2l.records import Array, BoolArray, IntArray
+from p2l.sim.batch import Engine
+from p2l.skills.reps import SearchDistribution, update
+
+WAYPOINTS = 6
+ROWS_PER_BATCH = 2048
+
+
+@dataclass(frozen=True)
+class RepsSettings:
+    """Settings of the policy search (thesis, section 4.3.4, uses 10 updates of 40 rollouts)."""
+
+    epsilon: float = 0.5
+    updates: int = 10
+    samples: int = 40
+    minimum_temperature: float = 1e-5
+    shrinkage: float = 1.0
+    displacement_std: float = 0.0012
+    log_stiffness_std: float = 0.05
+    variance_floor_share: float = 0.04
+    validation_draws: int = 40
+    solved_rate: float = 0.95
+
+
+@dataclass(frozen=True)
+class Demonstration:
+    """What the person shows (m and N/m): how far the part is pushed past the wall, pressed and swept."""
+
+    overtravel: float = 0.015
+    press: float = 0.008
+    sweep: float = 0.009
+    push: float = 0.03
+    stiffness: float = 500.0
+
+
+@dataclass(frozen=True)
+class InsertionDomain:
+    """Insertion tasks on grid environments (`layout="grid"`) or the peg board (`layout="board"`).
+
+    Attributes:
+        layout: which task distribution.
+        physics: the abstract simulation.
+        noise_std: standard deviation of the slot estimate, each of x and y, m (thesis: 0.3 cm).
+        layout_seed: makes the four grid environments.
+        farthest_wall_cm: a grid slot has a wall face at most this far away.
+        board_distance_m: range of the distances between hole and wall that the board's predictor is trained on.
+        reps: the policy search.
+        demonstration: what it starts from.
+        nthread: simulator threads.
+    """
+
+    layout: Literal["grid", "board"] = "grid"
+    physics: Physics = field(default_factory=Physics)
+    noise_std: float = 0.003
+    layout_seed: int = 0
+    farthest_wall_cm: float = 2.0
+    board_distance_m: tuple[float, float] = (0.007, 0.025)
+    reps: RepsSettings = field(default_factory=RepsSettings)
+    demonstration: Demonstration = field(default_factory=Demonstration)
+    nthread: int = 2
+
+    timing = WaypointTiming(control_steps=8, settle_steps=1, stiffness_angular=4.0, stiffness_bounds=(50.0, 1500.0))
+
+    @property
+    def name(self) -> str:
+        """The registered name."""
+        return "insertion" if self.layout == "grid" else "board"
+
+    @property
+    def feature_names(self) -> tuple[str, ...]:
+        """Distances to the next wall in four directions, and the offset of the nearest one."""
+        return FEATURE_NAMES
+
+    @property
+    def encoding(self) -> Encoding:
+        """The predictor sees `τ_train − τ_test` (thesis, section 3.5.1)."""
+        return "difference"
+
+    def sample_tasks(self, rng: np.random.Generator, n: int) -> Tasks:
+        """N tasks from which Algorithm 1 collects its data."""
+        if self.layout == "grid":
+            return sample_grid_tasks(rng, n, self.layout_seed, self.farthest_wall_cm)
+        return sample_board_tasks(rng, n, self.board_distance_m)
+
+    def sample_set(self, rng: np.random.Generator, n: int) -> Tasks:
+        """One planning problem: grid tasks of the same distribution, or n different holes of the board."""
+        if self.layout == "grid":
+            return sample_grid_tasks(rng, n, self.layout_seed, self.farthest_wall_cm)
+        return board_tasks(rng.permutation(len(board_tasks()))[:n])
+
+    def demonstrate(self, tasks: Tasks, rng: np.random.Generator) -> Array:
+        """[M, P] the waypoints that a person shows on each task: touch, press, come back, search, push."""
+        shown = self.demonstration
+        distances = tasks.features[:, : len(DISTANCE_NAMES)] / 100.0
+        nearest = distances + rng.uniform(0.0, 1e-4, distances.shape)
+        side = nearest.argmin(1)
+        wall = distances[np.arange(len(tasks)), side]
+        towards = np.zeros((len(tasks), 3))
+        towards[:, :2] = DIRECTIONS[side]
+        along = np.stack([-towards[:, 1], towards[:, 0], np.zeros(len(tasks))], axis=1)
+        down = np.array([0.0, 0.0, -1.0])
+        press = shown.press * down
+        waypoints = np.zeros((len(tasks), WAYPOINTS, WAYPOINT_SIZE))
+        waypoints[:, 0, :3] = towards * (wall - PART_HALF_WIDTH + shown.overtravel)[:, None]
+        waypoints[:, 1, :3] = press + self.physics.hover * down
+        waypoints[:, 2, :3] = -towards * (wall - PART_HALF_WIDTH)[:, None] + press
+        waypoints[:, 3, :3] = -shown.sweep * along + press
+        waypoints[:, 4, :3] = 2.0 * shown.sweep * along + press
+        waypoints[:, 5, :3] = shown.push * down
+        waypoints[:, :, 3] = np.log10(shown.stiffness)
+        return waypoints.reshape(len(tasks), -1)
+
+    def learn(self, tasks: Tasks, index: IntArray, rng: np.random.Generator, progress: Progress | None = None) -> Array:
+        """Learn one skill per entry of `index` by REPS, all searches together; returns [K, P]."""
+        chosen = tasks.take(index)
+        searches = self._first_distributions(self.demonstrate(chosen, rng))
+        floor = self.reps.variance_floor_share * np.diag(searches[0].covariance)
+        best = np.stack([search.mean for search in searches])
+        best_rate = self.evaluate_own(best, chosen, self.reps.validation_draws, rng)
+        open_rows = np.flatnonzero(best_rate < self.reps.solved_rate)
+        for round_index in range(self.reps.updates):
+            if not len(open_rows):
+                break
+            samples = np.stack([searches[k].sample(rng, self.reps.samples) for k in open_rows])
+            returns = self._returns(samples, chosen.take(open_rows), rng)
+            for row, k in enumerate(open_rows.tolist()):
+                searches[k] = self._update(searches[k], samples[row], returns[row], floor)
+            means = np.stack([searches[k].mean for k in open_rows])
+            rates = self.evaluate_own(means, chosen.take(open_rows), self.reps.validation_draws, rng)
+            better = rates >= best_rate[open_rows]
+            best[open_rows[better]], best_rate[open_rows[better]] = means[better], rates[better]
+            open_rows = np.flatnonzero(best_rate < self.reps.solved_rate)
+            if progress is not None:
+                progress(round_index + 1, self.reps.updates)
+        return best
+
+    def evaluate(
+        self,
+        skills: Array,
+        learnt_on: Tasks,
+        tasks: Tasks,
+        draws: int,
+        rng: np.random.Generator,
+        progress: Progress | None = None,
+    ) -> BoolArray:
+        """Run every skill on every task: success [K, M, R]; a task's draws are shared by all skills."""
+        del learnt_on  # a skill's waypoints are relative to the slot estimate, whatever it was learnt on
+        count, size = len(skills), len(tasks)
+        errors = rng.normal(0.0, self.noise_std, (size, draws, 2))
+        k, m, r = (
+            axis.ravel() for axis in np.meshgrid(np.arange(count), np.arange(size), np.arange(draws), indexing="ij")
+        )
+        tips = self._run(skills[k], tasks, m, errors[m, r], progress)
+        return np.asarray(is_inserted(tips, self.physics).reshape(count, size, draws))
+
+    def evaluate_own(self, skills: Array, tasks: Tasks, draws: int, rng: np.random.Generator) -> Array:
+        """[K] success rate of skill k on task k over `draws` fresh estimate errors."""
+        errors = rng.normal(0.0, self.noise_std, (len(skills) * draws, 2))
+        rows = np.repeat(np.arange(len(skills)), draws)
+        tips = self._run(skills[rows], tasks, rows, errors)
+        return np.asarray(is_inserted(tips, self.physics).reshape(len(skills), draws).mean(1))
+
+    def without_walls(self, tasks: Tasks) -> Tasks:
+        """The same tasks with every wall removed, for showing that skills use walls."""
+        payload = {**tasks.payload, "wall_count": np.zeros(len(tasks), dtype=np.int64)}
+        return replace(tasks, payload=payload)
+
+    def view(self, skill: Array, task: Tasks, rng: np.random.Generator, draws: int = 12) -> InsertionView:
+        """Paths of the tip in several noise draws."""
+        errors = rng.normal(0.0, self.noise_std, (draws, 2))
+        with Engine([self._model(task, 0)], control_period_s=self.physics.control_period_s, nthread=1) as engine:
+            _, trace = execute(
+                engine,
+                start_states(engine, errors, self.physics),
+                np.tile(skill.reshape(1, WAYPOINTS, WAYPOINT_SIZE), (draws, 1, 1)),
+                np.zeros(draws, dtype=np.int64),
+                self.timing,
+                position_sensor=POSITION_SENSOR,
+                keep_trace=True,
+            )
+        assert trace is not None
+        paths = trace.sensor("tip_pos")
+        walls = task.payload["walls"][0, : task.payload["wall_count"][0]]
+        success = is_inserted(paths[:, -1], self.physics)
+        return InsertionView(task.names[0], walls, self.physics.slot_half_width, paths, success)
+
+    def _first_distributions(self, means: Array) -> list[SearchDistribution]:
+        std = np.tile([self.reps.displacement_std] * 3 + [self.reps.log_stiffness_std], WAYPOINTS)
+        return [SearchDistribution(mean, np.diag(std**2)) for mean in means]
+
+    def _update(self, search: SearchDistribution, samples: Array, returns: Array, floor: Array) -> SearchDistribution:
+        settings = self.reps
+        return update(
+            search,
+            samples,
+            returns,
+            epsilon=settings.epsilon,
+            minimum_temperature=settings.minimum_temperature,
+            shrinkage=settings.shrinkage,
+            floor=floor,
+        )
+
+    def _returns(self, samples: Array, tasks: Tasks, rng: np.random.Generator) -> Array:
+        """[K, N] one for an insertion, plus how deep the tip is and how near it ends to the slot."""
+        count, size, parameters = samples.shape
+        errors = rng.normal(0.0, self.noise_std, (count * size, 2))
+        rows = np.repeat(np.arange(count), size)
+        tips = self._run(samples.reshape(-1, parameters), tasks, rows, errors)
+        depth = np.clip(-tips[:, 2] / self.physics.slot_depth, 0.0, 1.0)
+        miss = np.minimum(np.linalg.norm(tips[:, :2], axis=1) / 0.03, 1.0)
+        returns = is_inserted(tips, self.physics) + 0.5 * depth - 0.5 * miss
+        return np.asarray(returns.reshape(count, size))
+
+    def _run(
+        self, skills: Array, tasks: Tasks, task_index: IntArray, errors: Array, progress: Progress | None = None
+    ) -> Array:
+        """[N, 3] where the tip ends, m, for row n = skill n on task `task_index[n]` with slot error `errors[n]`."""
+        used, model_index = np.unique(task_index, return_inverse=True)
+        models = [self._model(tasks, int(task)) for task in used]
+        ended = []
+        with Engine(models, control_period_s=self.physics.control_period_s, nthread=self.nthread) as engine:
+            for first in range(0, len(skills), ROWS_PER_BATCH):
+                rows = slice(first, first + ROWS_PER_BATCH)
+                states = start_states(engine, errors[rows], self.physics)
+                waypoints = skills[rows].reshape(-1, WAYPOINTS, WAYPOINT_SIZE)
+                chunk, _ = execute(
+                    engine, states, waypoints, model_index[rows], self.timing, position_sensor=POSITION_SENSOR
+                )
+                ended.append(engine.sensor(chunk, "tip_pos")[:, -1])
+                if progress is not None:
+                    progress(min(rows.stop, len(skills)), len(skills))
+        return np.concatenate(ended)
+
+    def _model(self, tasks: Tasks, index: int) -> mujoco.MjModel:
+        return build_model(tasks.payload["walls"][index, : tasks.payload["wall_count"][index]], self.physics)
+
+
+def insertion(
+    *,
+    layout: Literal["grid", "board"] = "grid",
+    physics: Mapping[str, Any] | None = None,
+    noise_std: float = 0.003,
+    layout_seed: int = 0,
+    farthest_wall_cm: float = 2.0,
+    board_distance_m: Sequence[float] = (0.007, 0.025),
+    reps: Mapping[str, Any] | None = None,
+    demonstration: Mapping[str, Any] | None = None,
+    nthread: int = 2,
+) -> InsertionDomain:
+    """Build an insertion domain from plain configuration values; nested settings are mappings.
+
+    Raises:
+        ConfigError: an unknown or impossible setting, with the allowed names.
+    """
+    if layout not in ("grid", "board"):
+        raise ConfigError(f"insertion: unknown layout '{layout}'; known layouts: grid, board")
+    numbers = [noise_std, farthest_wall_cm, layout_seed, nthread, *board_distance_m]
+    if not all(isinstance(number, (int, float)) and 0.0 <= number < np.inf for number in numbers) or nthread < 1:
+        raise ConfigError(f"insertion: noise_std, walls, seed, nthread, distances: {numbers} must be finite numbers")
+    low, high = (float(value) for value in board_distance_m)
+    if not 0.0 < low < high:
+        raise ConfigError(f"insertion: board_distance_m {board_distance_m} must be a rising range above 0")
+    return InsertionDomain(
+        layout=layout,
+        physics=_settings(Physics, physics),
+        noise_std=float(noise_std),
+        layout_seed=int(layout_seed),
+        farthest_wall_cm=float(farthest_wall_cm),
+        board_distance_m=(low, high),
+        reps=_settings(RepsSettings, reps),
+        demonstration=_settings(Demonstration, demonstration),
+        nthread=int(nthread),
+    )
+
+
+def board(
+    *,
+    physics: Mapping[str, Any] | None = None,
+    noise_std: float = 0.003,
+    board_distance_m: Sequence[float] = (0.007, 0.025),
+    reps: Mapping[str, Any] | None = None,
+    demonstration: Mapping[str, Any] | None = None,
+    nthread: int = 2,
+) -> InsertionDomain:
+    """Build the peg board of table 3.1: `insertion` with holes instead of slots and a round tip."""
+    return insertion(
+        layout="board",
+        physics={"tip": "peg", **(physics or {})},
+        noise_std=noise_std,
+        board_distance_m=board_distance_m,
+        reps=reps,
+        demonstration=demonstration,
+        nthread=nthread,
+    )
+
+
+T = TypeVar("T")
+
+
+def _settings(kind: type[T], given: Mapping[str, Any] | None) -> T:
+    defaults = {item.name: item.default for item in fields(kind)}  # type: ignore[arg-type]
+    if unknown := sorted(set(given or {}) - set(defaults)):
+        raise ConfigError(f"insertion: unknown {kind.__name__} settings {unknown}; allowed: {', '.join(defaults)}")
+    for name, value in (given or {}).items():
+        if isinstance(defaults[name], str):
+            continue  # the tip, which `build_model` checks
+        whole = isinstance(defaults[name], int)
+        if isinstance(value, bool) or not isinstance(value, int if whole else (int, float)) or not 0 <= value < np.inf:
+            kind_of = "whole number" if whole else "finite number"
+            raise ConfigError(f"insertion: {kind.__name__}.{name} is {value!r}; it must be a {kind_of} of at least 0")
+    return kind(**(given or {}))

@@ -1,0 +1,1 @@
+"""Chapter 5's tables, figures and sections of the report."""

@@ -1,0 +1,97 @@
+"""Recoveries learnt under other state uncertainty, or from other observations (thesis, section 5.4.2).
+
+"In our ablation studies with different amounts of state uncertainty, we found that the policy tends to be more
+conservative and learns relatively open-loop policies under high uncertainty"; and the number of past actions "was
+crucial". The thesis gives no numbers. Each variant's policies are learnt and judged in the variant itself.
+
+Readings of the thesis:
+1. Conservative: more primitives before control is handed back, `primitives`.
+2. Open loop: which action is chosen depends on the number of the decision alone. `open_loop` is the share of decisions
+   that are the commonest one at their number; 1 = the same sequence after every failure.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+
+from p2l.chaining.episodes import Agents, Book, episodes_of_seed, totals
+from p2l.contracts.option import Option
+from p2l.contracts.world import World
+from p2l.evaluation.statistics import t_interval
+from p2l.evaluation.team.tables import COLUMNS, Row
+from p2l.evaluation.thesis import Thesis
+
+TABLE = "ablation_5"
+OWN = "as_given"  # the world as it is configured
+
+
+@dataclass(frozen=True)
+class Ablated:
+    """A variant of the world with the policies, by seed, that were learnt in it.
+
+    Attributes:
+        name: of the variant.
+        world: with the noise scaled, or the observations cut.
+        nominal: its chain.
+        agents: by seed.
+    """
+
+    name: str
+    world: World
+    nominal: Sequence[Option]
+    agents: Mapping[int, Agents]
+
+
+def episodes_of_variant(
+    book: Book, one: Ablated, episodes: int, progress: Callable[[int], None] | None = None
+) -> pd.DataFrame:
+    """Its episodes of all seeds, from records or leaving them; from the same start states as the configured world's."""
+    place = replace(book, item=f"{book.item}_{one.name}")
+    parts = [
+        episodes_of_seed(place, one.world, one.nominal, seed, agents, episodes, progress)
+        for seed, agents in one.agents.items()
+    ]
+    return pd.concat(parts, ignore_index=True)
+
+
+def ablation_5(world: str, found: Mapping[str, pd.DataFrame], thesis: Thesis) -> pd.DataFrame:
+    """Success of every variant (pooled over seeds, Wilson limits), and how its policies act (by seed, t limits).
+
+    Args:
+        world: configured.
+        found: episodes of `chain_episodes` by variant; only its rows if there is another one than `OWN`.
+        thesis: for the column of its numbers.
+    """
+    rows: list[Row] = []
+    for variant, table in found.items() if set(found) - {OWN} else ():
+        setting = f"world={world};variant={variant}"
+        for learner, part in table.groupby("learner", sort=False):
+            told = totals(part)
+            for name in ("nominal", "success", "recovery"):
+                rate = told[name]
+                mean = rate["mean"] if rate["n"] else np.nan
+                rows.append((str(learner), setting, name, mean, rate["low"], rate["high"], int(rate["n"])))
+            acted = [one for _, one in part[part["flagged"]].groupby("seed")]
+            for name, measure in (("primitives", primitives), ("open_loop", open_loop)):
+                if acted:
+                    by_seed = t_interval([measure(one["actions"]) for one in acted])
+                    limits = float(by_seed.mean), float(by_seed.low), float(by_seed.high)
+                    rows.append((str(learner), setting, name, *limits, by_seed.n))
+    made = pd.DataFrame(rows, columns=list(COLUMNS[:-1]))
+    return thesis.beside(made.astype({"mean": float, "low": float, "high": float, "n": int}), TABLE)
+
+
+def primitives(actions: pd.Series) -> float:
+    """Mean number of primitives of a recovery, from sequences joined by `;`."""
+    return float(np.mean([sum(not name.startswith("from ") for name in text.split(";")) for text in actions]))
+
+
+def open_loop(actions: pd.Series) -> float:
+    """Share of decisions that are the commonest at their number, from sequences joined by `;`."""
+    sequences = [text.split(";") for text in actions]
+    at = [[one[k] for one in sequences if len(one) > k] for k in range(max(len(one) for one in sequences))]
+    return sum(max(names.count(name) for name in set(names)) for names in at) / sum(len(names) for names in at)

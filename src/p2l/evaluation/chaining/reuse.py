@@ -1,0 +1,98 @@
+"""Figure 5.9 as numbers: how often recoveries start a nominal option where nominal execution never is, and the pay."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from p2l.evaluation.statistics import wilson_interval
+from p2l.evaluation.style import plain
+from p2l.evaluation.team.tables import COLUMNS, Row
+from p2l.evaluation.thesis import Thesis
+from p2l.records import BoolArray
+
+TABLE = "figure_5_9"
+ANY = "any"
+SETS = ("visited", "begun")  # of nominal states, see `chain_reuse`
+OUTSIDE, INSIDE = "#D55E00", "#0072B2"
+COUNTS_AT = 1.04  # beside the axis of shares, where no interval is
+NAMES = {"outside_visited": "where it is at work", "outside_begun": "where it begins"}
+
+
+def figure_5_9(world: str, reuse: pd.DataFrame, thesis: Thesis) -> pd.DataFrame:
+    """For every option, and `any`: `outside_<set>`, the share of its starts that are outside a set of nominal states;
+    `pays_outside_<set>` and `pays_inside_<set>`, how many of those starts end with the task done. Wilson limits.
+
+    Args:
+        world: name of the item.
+        reuse: rows of `chain_reuse`, of all seeds; those that handed nothing over do not count.
+        thesis: for the column of its numbers.
+    """
+    rows: list[Row] = []
+    for learner, whole in reuse[reuse["option"] != ""].groupby("learner", sort=False):
+        for option in (*dict.fromkeys(whole["option"]), ANY):
+            part = whole if option == ANY else whole[whole["option"] == option]
+            for name in SETS:
+                known = part[part[f"off_{name}"].notna()]
+                off = known[f"off_{name}"].to_numpy(dtype=float) > 1.0
+                paid = known["success"].to_numpy(dtype=bool)
+                setting = f"world={world};option={option}"
+                rows.append(_rate(str(learner), setting, f"outside_{name}", off))
+                rows.append(_rate(str(learner), setting, f"pays_outside_{name}", paid[off]))
+                rows.append(_rate(str(learner), setting, f"pays_inside_{name}", paid[~off]))
+    table = pd.DataFrame(rows, columns=list(COLUMNS[:-1]))
+    return thesis.beside(table.astype({"mean": float, "low": float, "high": float, "n": int}), TABLE)
+
+
+def novel_starts(table: pd.DataFrame, world: str, learner: str = "rc") -> Figure:
+    """Left, how often options are started outside nominal execution's states; right, how often that pays.
+
+    Args:
+        table: of `figure_5_9`.
+        world: whose options.
+        learner: which learner's.
+    """
+    mine = table[(table["method"] == learner) & table["setting"].str.startswith(f"world={world};")]
+    mine = mine.assign(option=mine["setting"].str.extract(r"option=(.*)")[0])
+    options = list(dict.fromkeys(mine["option"]))
+    figure = Figure(figsize=(8.2, 3.4), layout="constrained")
+    left, right = figure.subplots(1, 2, sharey=True)
+    for number, (metric, label) in enumerate(NAMES.items()):
+        _points(
+            left, mine[mine["metric"] == metric], options, 0.12 - 0.24 * number, ("#009E73", "#CC79A7")[number], label
+        )
+    for metric, label, colour, shift in (
+        ("pays_outside_visited", "outside where it is at work", OUTSIDE, 0.12),
+        ("pays_inside_visited", "inside", INSIDE, -0.12),
+    ):
+        _points(right, mine[mine["metric"] == metric], options, shift, colour, label)
+    left.set(xlabel="share of starts outside the states …", xlim=(-0.02, 1.16))
+    left.set_yticks(range(len(options)), [f"{option.replace('_', ' ')}" for option in options])
+    left.set_ylim(len(options) - 0.5, -0.5)
+    right.set(xlabel="share of starts that end with the task done", xlim=(-0.02, 1.16))
+    figure.suptitle(f"{world.replace('_', ' ')}: nominal options started by recoveries", fontsize=11)
+    for axes in (left, right):
+        plain(axes)
+        axes.set_xticks(np.linspace(0.0, 1.0, 6))
+        if options:
+            axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.22), ncols=2, frameon=False, fontsize=8)
+    return figure
+
+
+def _points(axes: Axes, rows: pd.DataFrame, options: list[str], shift: float, colour: str, label: str) -> None:
+    """Rates with their intervals and the number that they are of."""
+    rows = rows[rows["n"] > 0]
+    places = np.array([options.index(option) for option in rows["option"]], dtype=float) + shift
+    mean, low, high = (rows[name].to_numpy(dtype=float) for name in ("mean", "low", "high"))
+    axes.errorbar(mean, places, xerr=[mean - low, high - mean], fmt="o", color=colour, capsize=3, ms=5, label=label)
+    for place, count in zip(places, rows["n"], strict=True):
+        axes.annotate(f"n={count}", (COUNTS_AT, place), color=colour, fontsize=7, va="center")
+
+
+def _rate(method: str, setting: str, metric: str, hits: BoolArray) -> Row:
+    if not len(hits):
+        return method, setting, metric, np.nan, np.nan, np.nan, 0
+    low, high = wilson_interval(int(hits.sum()), len(hits))
+    return method, setting, metric, float(hits.mean()), float(low), float(high), len(hits)

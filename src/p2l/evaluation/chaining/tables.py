@@ -1,0 +1,191 @@
+"""Table 5.1 and the data of figures 5.5 and 5.8, as long tables beside the thesis's numbers.
+
+Columns are those of `tables.COLUMNS`: `mean` with `low` and `high` is an estimate and its 95 % interval, empty where
+there is none; a `setting` is `name=value` pairs joined by `;`, and those with a `seed` tell of one run alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from p2l.chaining.episodes import totals
+from p2l.evaluation.chaining.figures import BESIDE_MAIN, MAIN
+from p2l.evaluation.statistics import paired_difference, t_interval
+from p2l.evaluation.team.tables import COLUMNS, Row
+from p2l.evaluation.thesis import Thesis
+from p2l.records import Array
+
+BUDGET = 500_000  # control steps that the thesis gives every learner
+TABLE, CURVES, TRIED = "table_5_1", "figure_5_5", "figure_5_8"
+
+
+@dataclass(frozen=True)
+class Learning:
+    """One run of `chain_recoveries`.
+
+    Attributes:
+        learner, seed: which.
+        rounds: one row per rollout.
+        evaluations: one row per evaluation.
+    """
+
+    learner: str
+    seed: int
+    rounds: pd.DataFrame
+    evaluations: pd.DataFrame
+
+
+def table_5_1(episodes: Mapping[str, pd.DataFrame], thesis: Thesis) -> pd.DataFrame:
+    """Overall success of every learner in every world, beside the nominal skills.
+
+    `success` pools the episodes of all seeds (Wilson limits); `success_by_seed` is the mean of the seeds' rates (t
+    limits, which also hold what differs between runs of learning); `recovery` counts only episodes that were flagged,
+    and is left out for who does the whole task. `success_minus_rc` is a learner's rate less that of RC on the same
+    start states: mean and t limits of the seeds' differences.
+    Rows with a seed have the rates of its episodes.
+    """
+    rows: list[Row] = []
+    for world, table in episodes.items():
+        setting = f"world={world}"
+        for learner, part in table.groupby("learner", sort=False):
+            told = totals(part)
+            rates = part[~part["diverged"]].groupby("seed")["success"].mean().to_numpy(dtype=float)
+            seeds = t_interval(rates)
+            names = [name for name in ("success", "recovery") if name in told]
+            rows += [_of(str(learner), setting, name, told[name]) for name in names]
+            for seed, own in part.groupby("seed"):
+                alone = totals(own)
+                rows += [_of(str(learner), f"{setting};seed={seed}", name, alone[name]) for name in names]
+            rows.append(
+                (str(learner), setting, "success_by_seed", *_limits(seeds.mean, seeds.low, seeds.high), seeds.n)
+            )
+        rows += _beside_main(table, setting)
+        chained = table[~table["whole_task"]]
+        if len(chained):
+            first = chained[chained["learner"] == chained["learner"].iloc[0]]
+            rows.append(_of("nominal", setting, "success", totals(first)["nominal"]))
+            for seed, own in first.groupby("seed"):
+                rows.append(_of("nominal", f"{setting};seed={seed}", "success", totals(own)["nominal"]))
+    return thesis.beside(_frame(rows), TABLE)
+
+
+def _beside_main(table: pd.DataFrame, setting: str) -> list[Row]:
+    """Every other learner against `MAIN`, paired by seed; episodes that broke down for either are left out of both."""
+    sound = table[~table["diverged"]].pivot(index=["seed", "episode"], columns="learner", values="success")
+    rows: list[Row] = []
+    for learner in dict.fromkeys(table["learner"]):
+        if learner == MAIN or MAIN not in sound:
+            continue
+        both = sound[[learner, MAIN]].dropna().astype(float).groupby("seed").mean()
+        if len(both):
+            found = paired_difference(both[learner].to_numpy(), both[MAIN].to_numpy())
+            rows.append((str(learner), setting, BESIDE_MAIN, *_limits(found.mean, found.low, found.high), found.n))
+    return rows
+
+
+def figure_5_5(runs: Mapping[str, Iterable[Learning]], thesis: Thesis, points: int = 51) -> pd.DataFrame:
+    """Success of evaluations during training against control steps: mean and t limits over seeds, and each seed."""
+    rows: list[Row] = []
+    for world, learnt in runs.items():
+        for learner, own in _by_learner(learnt).items():
+            last = max(float(run.evaluations["control_steps"].iloc[-1]) for run in own)
+            for steps in np.linspace(0.0, last, points):
+                found = t_interval([_at(run.evaluations, steps) for run in own])
+                setting = f"world={world};control_steps={round(steps)}"
+                rows.append((learner, setting, "success", *_limits(found.mean, found.low, found.high), found.n))
+            for run in own:
+                for one in run.evaluations.to_dict("records"):
+                    setting = f"world={world};seed={run.seed};control_steps={round(one['control_steps'])}"
+                    rows.append((learner, setting, "success", one["success"], np.nan, np.nan, 1))
+    return thesis.beside(_frame(rows), CURVES)
+
+
+def figure_5_8(runs: Mapping[str, Iterable[Learning]], thesis: Thesis) -> pd.DataFrame:
+    """How often each nominal option is tried in a round of decisions: mean and t limits over seeds, and seeds."""
+    rows: list[Row] = []
+    for world, learnt in runs.items():
+        for learner, own in _by_learner(learnt).items():
+            options = [name for name in own[0].rounds.columns if name.startswith("chosen:from ")]
+            for number in range(min(len(run.rounds) for run in own)):
+                for option in options:
+                    counts = {run.seed: float(run.rounds[option].iloc[number]) for run in own}
+                    found = t_interval(list(counts.values()))
+                    metric = option.removeprefix("chosen:from ")
+                    setting = f"world={world};round={number}"
+                    rows.append((learner, setting, metric, *_limits(found.mean, found.low, found.high), found.n))
+                    for seed, count in counts.items():
+                        rows.append((learner, f"{setting};seed={seed}", metric, count, np.nan, np.nan, 1))
+    return thesis.beside(_frame(rows), TRIED)
+
+
+def steps_to_thesis(table: pd.DataFrame, runs: Mapping[str, Iterable[Learning]], thesis: Thesis) -> pd.DataFrame:
+    """Control steps at which a run first does as well as the thesis's learner, and their ratio to the thesis's budget.
+
+    Overall success during training = nominal + (1 − nominal) · success of an evaluation, nominal being that of
+    `table_5_1`; of who does the whole task it is that of the evaluation. Since one of many evaluations is good by luck,
+    it must be reached in two in a row, of which the first counts. Runs that never get there count with all their steps,
+    and `reached` says how many do. A learner that the thesis finds no better than the nominal skills, or that the table
+    lacks, has no rows.
+    """
+    rows: list[Row] = []
+    for world, learnt in runs.items():
+        setting = f"world={world}"
+        here = table[table["setting"] == setting]
+        known, recovering = set(here["method"]), set(here[here["metric"] == "recovery"]["method"])
+        base = here[here["method"] == "nominal"]
+        for learner, own in _by_learner(learnt).items():
+            wanted = thesis.value(TABLE, "rc" if learner == "lazy_rc" else learner, setting, "success")
+            if wanted is None or not len(base) or learner not in known:
+                continue
+            before = float(base["mean"].iloc[0]) if learner in recovering else 0.0
+            needed = (wanted - before) / max(1.0 - before, 1e-9)
+            if needed <= 0.0:
+                continue
+            steps = [_first(run.evaluations, needed) for run in own]
+            reached = float(np.mean([found is not None for found in steps]))
+            spent = [
+                float(run.evaluations["control_steps"].iloc[-1]) if found is None else found
+                for run, found in zip(own, steps, strict=True)
+            ]
+            for name, values in (("control_steps", np.array(spent)), ("ratio", np.array(spent) / BUDGET)):
+                found = t_interval(values)
+                low = np.maximum(found.low, 0.0)  # t limits of few and very unequal runs reach below
+                rows.append((learner, setting, name, *_limits(found.mean, low, found.high), found.n))
+            rows.append((learner, setting, "reached", reached, np.nan, np.nan, len(own)))
+    return thesis.beside(_frame(rows), "steps_to_thesis")
+
+
+def _first(evaluations: pd.DataFrame, success: float) -> float | None:
+    good = evaluations["success"].to_numpy() >= success
+    twice = np.flatnonzero(good[:-1] & good[1:])
+    return float(evaluations["control_steps"].iloc[twice[0]]) if len(twice) else None
+
+
+def _at(evaluations: pd.DataFrame, steps: float) -> float:
+    """Success of the last evaluation so far."""
+    known = evaluations[evaluations["control_steps"] <= steps]
+    return float(known["success"].iloc[-1])
+
+
+def _by_learner(runs: Iterable[Learning]) -> dict[str, list[Learning]]:
+    found: dict[str, list[Learning]] = {}
+    for run in sorted(runs, key=lambda one: one.seed):
+        found.setdefault(run.learner, []).append(run)
+    return found
+
+
+def _of(method: str, setting: str, metric: str, rate: Mapping[str, float]) -> Row:
+    return method, setting, metric, rate["mean"], rate["low"], rate["high"], int(rate["n"])
+
+
+def _limits(mean: Array, low: Array, high: Array) -> tuple[float, float, float]:
+    return float(mean), float(low), float(high)
+
+
+def _frame(rows: list[Row]) -> pd.DataFrame:
+    table = pd.DataFrame(rows, columns=list(COLUMNS[:-1]))
+    return table.astype({"mean": float, "low": float, "high": float, "n": int})

@@ -1,0 +1,1 @@
+"""Failure modes: tables, figures and their section of the report."""

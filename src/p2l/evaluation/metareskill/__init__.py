@@ -1,0 +1,1 @@
+"""Chapter 4's tables, figures and sections of the report."""

@@ -1,0 +1,95 @@
+"""What `learn_recoveries` leaves for people: tables, figures, headline numbers, and a word where training failed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from p2l.artifacts import finite, save_json
+from p2l.evaluation.metareskill.figures import allocation_figure, graph_figure, value_figure
+from p2l.evaluation.metareskill.rounds import Histories, allocation_table, comparison_table, rounds_table, value_table
+from p2l.evaluation.sheets import save_sheets
+from p2l.metareskill.history import hopeless
+from p2l.metareskill.learn import Setting
+
+
+@dataclass(frozen=True)
+class Told:
+    """For the tracker: headline numbers, files, and paragraphs."""
+
+    metrics: dict[str, float]
+    files: tuple[Path, ...]
+    notes: tuple[str, ...]
+
+
+def learning_report(out: Path, item: str, setting: Setting, histories: Histories, choosers: Sequence[str]) -> Told:
+    """Write rounds.csv, figure_4_6.csv, figure_4_7.csv, choosers.csv, their figures, the graphs and summary.json.
+
+    Args:
+        out: folder.
+        item: what was trained, for titles.
+        setting: shared by all.
+        histories: by (seed, chooser).
+        choosers: the first one's skills are kept.
+    """
+    targets, first = setting.task.targets, choosers[0]
+    values = value_table(histories, setting.graph)
+    allocation = allocation_table(histories, targets)
+    compared = comparison_table(values, first)
+    tables = {
+        "rounds": rounds_table(histories, targets),
+        "figure_4_6": allocation,
+        "figure_4_7": values,
+        "choosers": compared,
+    }
+    figures = {
+        "figure_4_6": allocation_figure(values, allocation, choosers[:2], f"{item}: rounds of training"),
+        "figure_4_7": value_figure(values, f"{item}: value of failures while recoveries are trained"),
+    }
+    for (seed, chooser), history in histories.items():
+        if chooser == first:
+            graph = setting.graph.with_q(history.best)
+            told = f"{item}: seed {seed}, {chooser}"
+            figures[f"graphs/s{seed}"] = graph_figure(graph, history.trained, targets, told)
+    save_sheets(out, tables, figures)
+    facts = _facts(setting, histories, values, compared)
+    save_json(out / "summary.json", facts, schema="learn_summary", version=1)
+    metrics = {f"value/{name}": float(value) for name, value in facts["final_value"].items()}
+    files = (*(out / f"{name}.png" for name in figures), out / "rounds.csv")
+    return Told({**metrics, "solved": facts["solved"]}, files, tuple(_notes(setting, histories)))
+
+
+def _facts(setting: Setting, histories: Histories, values: pd.DataFrame, compared: pd.DataFrame) -> dict[str, Any]:
+    final = values[values["queries"] == values["queries"].max()].groupby("chooser", sort=False)["value"].mean()
+    solved = [each.solved for history in histories.values() for each in history.rounds]
+    against = {
+        str(other): {"better": int(group["better"].sum()), "seeds": len(group), "shares": _plain(group["share"])}
+        for other, group in compared.groupby("other")
+    }
+    return {
+        "failures": len(setting.failures.mode),
+        "held_out": len(setting.held_out.mode),
+        "sizes": setting.graph.sizes.tolist(),
+        "final_value": {str(name): float(value) for name, value in final.items()},
+        "solved": float(np.mean(solved)),
+        "against": against,
+    }
+
+
+def _plain(column: pd.Series[float]) -> list[float | None]:
+    return [finite(value) for value in column.tolist()]
+
+
+def _notes(setting: Setting, histories: Histories) -> list[str]:
+    """A mode none of whose recoveries ever succeeded stays where it was; that is said, not hidden."""
+    lines = []
+    for (seed, chooser), history in histories.items():
+        for mode in hopeless(history).tolist():
+            share = f"{setting.graph.share[mode]:.0%}"
+            lines.append(f"Seed {seed}, {chooser}: no recovery from mode {mode} ({share} of failures) ever succeeded.")
+    return lines

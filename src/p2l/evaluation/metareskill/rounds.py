@@ -1,0 +1,66 @@
+"""What was trained, round by round, and how choosers compare: the numbers behind figures 4.6 and 4.7.
+
+Axis letters: I modes, M targets, T rounds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+import pandas as pd
+
+from p2l.metareskill.graph import SkillGraph
+from p2l.metareskill.history import History, table
+from p2l.metareskill.value_iteration import value_of_failures
+
+Histories = Mapping[tuple[int, str], History]
+
+
+def rounds_table(histories: Histories, targets: Sequence[str]) -> pd.DataFrame:
+    """Every round of every seed and chooser: `seed, chooser, round, mode, target, reason, q_before, q_upper, …`."""
+    rows = [
+        {"seed": seed, "chooser": chooser, **row}
+        for (seed, chooser), history in histories.items()
+        for row in table(history, targets)
+    ]
+    return pd.DataFrame(rows)
+
+
+def value_table(histories: Histories, graph: SkillGraph) -> pd.DataFrame:
+    """Figure 4.7: `seed, chooser, queries, value`; 0 queries are the graph before any training."""
+    rows = []
+    for (seed, chooser), history in histories.items():
+        values = [float(value_of_failures(graph)), *history.values.tolist()]
+        rows += [(seed, chooser, queries, value) for queries, value in enumerate(values)]
+    return pd.DataFrame(rows, columns=["seed", "chooser", "queries", "value"])
+
+
+def allocation_table(histories: Histories, targets: Sequence[str]) -> pd.DataFrame:
+    """Figure 4.6, right: `seed, chooser, mode, target, trained, q`, one row per recovery."""
+    rows = [
+        (seed, chooser, mode, targets[target], int(count), float(history.best[mode, target]))
+        for (seed, chooser), history in histories.items()
+        for (mode, target), count in np.ndenumerate(history.trained)
+    ]
+    return pd.DataFrame(rows, columns=["seed", "chooser", "mode", "target", "trained", "q"])
+
+
+def comparison_table(values: pd.DataFrame, chooser: str) -> pd.DataFrame:
+    """`chooser` against every other by seed: `other, seed, final, final_other, better, share`.
+
+    `share` is the part of the budget after which `chooser` is at least as good as the other ever becomes; NaN if never.
+    """
+    columns = ["other", "seed", "final", "final_other", "better", "share"]
+    rows = []
+    curves = {
+        key: group.sort_values("queries")["value"].to_numpy() for key, group in values.groupby(["chooser", "seed"])
+    }
+    for (other, seed), theirs in curves.items():
+        if other == chooser or (chooser, seed) not in curves:
+            continue
+        mine = curves[chooser, seed]
+        reached = np.flatnonzero(mine >= theirs.max() - 1e-9)
+        share = reached[0] / (len(mine) - 1) if len(reached) else np.nan
+        rows.append((other, seed, mine[-1], theirs[-1], bool(mine[-1] > theirs[-1]), share))
+    return pd.DataFrame(rows, columns=columns).sort_values(["other", "seed"], ignore_index=True)

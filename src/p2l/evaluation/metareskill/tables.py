@@ -1,0 +1,175 @@
+"""Tables 4.1 and 4.2, as long tables beside the thesis's numbers.
+
+Columns are those of `tables.COLUMNS`: `mean` with `low` and `high` is an estimate and its 95 % interval, empty where
+there is none; a `setting` is `name=value` pairs joined by `;`. Rows of single seeds have `seed=…` in their setting; the
+others pool all seeds. Metrics:
+
+- `success`: rate, Wilson limits over episodes.
+- `success_by_seed`: mean of the seeds' rates, t limits, which also hold what differs between runs of learning.
+- `gain`: success minus that of the method `over`, on the same start rows; the bootstrap resamples seeds and within
+  them episodes.
+- `path_m`: way of the end effector, m, t limits over episodes; `path_m_success` of the successful episodes alone, and
+  `path_m_success_sd` its standard deviation. The thesis's "cost (m)" is read as the latter two: without recovery a
+  third of its episodes ends early, and yet their cost is that of open loop, ± 0.02 m.
+- `options`: skills executed in an episode; `recovered`: share of episodes with a skill that is none of the nominal.
+- `diverged`: share of episodes whose simulation broke down. They are left out of everything else, and of a gain if
+  either of the two did.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from p2l.evaluation.statistics import Interval, resample_weights, t_interval, wilson_interval
+from p2l.evaluation.team.tables import COLUMNS, Row
+from p2l.evaluation.thesis import Thesis
+from p2l.metareskill.episodes import LEARNT, OPEN_LOOP
+from p2l.records import Array, BoolArray
+
+TABLE_4_1, TABLE_4_2 = "table_4_1", "table_4_2"
+UNSEEN = "unseen"
+RESAMPLES = 2000
+
+
+def table_4_1(episodes: pd.DataFrame, thesis: Thesis, rng: np.random.Generator) -> pd.DataFrame:
+    """Strategies under an estimator that improves; what learnt recoveries gain over each of the others.
+
+    Args:
+        episodes: of `recovery_episodes`, of one place.
+        thesis: chapter 4.
+        rng: of the bootstrap.
+    """
+    rows: list[Row] = []
+    for method, part in episodes.groupby("method", sort=False):
+        rows += _rows(str(method), "", part)
+    for other in dict.fromkeys(episodes["method"]):
+        if other != LEARNT and LEARNT in set(episodes["method"]):
+            rows += _gains(episodes, str(other), "", rng)
+    table = thesis.beside(_frame(rows), TABLE_4_1)
+    return _with_gains(table, thesis, TABLE_4_1)
+
+
+def table_4_2(episodes: pd.DataFrame, unseen: Sequence[str], thesis: Thesis, rng: np.random.Generator) -> pd.DataFrame:
+    """Open loop and learnt recoveries on every door, and what they gain; the mean gain over doors never trained on.
+
+    Args:
+        episodes: of `recovery_episodes`; a door each setting.
+        unseen: settings behind the row `handle=unseen`.
+        thesis: chapter 4.
+        rng: of the bootstrap.
+    """
+    rows: list[Row] = []
+    for setting, part in episodes.groupby("setting", sort=False):
+        for method, own in part.groupby("method", sort=False):
+            rows += _rows(str(method), str(setting), own)
+        rows += _gains(part, OPEN_LOOP, str(setting), rng)
+    kept = episodes[episodes["setting"].isin(unseen)]
+    if len(kept):
+        rows += _gains(kept, OPEN_LOOP, f"handle={UNSEEN}", rng)
+    return _with_gains(thesis.beside(_frame(rows), TABLE_4_2), thesis, TABLE_4_2)
+
+
+def paired_gain(success: pd.DataFrame, rng: np.random.Generator, resamples: int = RESAMPLES) -> Interval:
+    """Mean of `ours − theirs` over rows, with limits of a bootstrap of seeds and, within each, of its rows.
+
+    Args:
+        success: columns `seed, ours, theirs`, one row per pair.
+        rng: of the bootstrap.
+        resamples: how many.
+    """
+    away = success["ours"].to_numpy(dtype=float) - success["theirs"].to_numpy(dtype=float)
+    seeds = success["seed"].to_numpy()
+    groups = [away[seeds == seed] for seed in np.unique(seeds)]
+    sizes = np.array([len(group) for group in groups], dtype=float)
+    sums = np.stack([resample_weights(len(group), resamples, rng) @ group for group in groups], axis=1)
+    drawn = resample_weights(len(groups), resamples, rng)
+    means = (drawn * sums).sum(axis=1) / (drawn * sizes).sum(axis=1)
+    low, high = np.quantile(means, [0.025, 0.975])
+    return Interval(np.asarray(away.mean()), np.asarray(low), np.asarray(high), len(away))
+
+
+def _rows(method: str, setting: str, part: pd.DataFrame) -> list[Row]:
+    """Each seed's rows, then the pooled ones."""
+    rows: list[Row] = []
+    for seed, own in part.groupby("seed", sort=True):
+        rows += _measures(method, _joined(f"seed={seed}", setting), own)
+    rows += _measures(method, setting, part)
+    sound = part[~part["diverged"]]
+    rates = sound.groupby("seed")["success"].mean().to_numpy(dtype=float)
+    if len(rates) > 1:
+        rows.append(_row(method, setting, "success_by_seed", t_interval(rates)))
+    return rows
+
+
+def _measures(method: str, setting: str, part: pd.DataFrame) -> list[Row]:
+    sound = part[~part["diverged"]]
+    path = sound["path_m"].to_numpy(dtype=float)
+    rows = [_rate(method, setting, "success", sound["success"].to_numpy(dtype=bool))]
+    good = path[sound["success"].to_numpy(dtype=bool)]
+    for name, values in (("path_m", path), ("path_m_success", good)):
+        if len(values):
+            rows.append(_row(method, setting, name, t_interval(values)))
+    if len(good) > 1:
+        rows.append((method, setting, "path_m_success_sd", float(good.std(ddof=1)), np.nan, np.nan, len(good)))
+    if len(sound):
+        rows.append(_row(method, setting, "options", t_interval(sound["options"].to_numpy(dtype=float))))
+    rows.append(_rate(method, setting, "recovered", (sound["recoveries"] > 0).to_numpy()))
+    rows.append(_rate(method, setting, "diverged", part["diverged"].to_numpy(dtype=bool)))
+    return rows
+
+
+def _gains(episodes: pd.DataFrame, other: str, setting: str, rng: np.random.Generator) -> list[Row]:
+    """What `LEARNT` gains over `other`: by seed, then pooled."""
+    keys = ["seed", "place", "episode"]
+    sound = episodes[~episodes["diverged"]].set_index(keys)
+    ours, theirs = (sound[sound["method"] == name]["success"] for name in (LEARNT, other))
+    paired = pd.concat({"ours": ours, "theirs": theirs}, axis=1, join="inner").reset_index()
+    told = _joined(f"over={other}", setting)
+    if not len(paired):
+        return []
+    rows = [
+        _row(LEARNT, _joined(f"seed={seed}", told), "gain", paired_gain(own, rng))
+        for seed, own in paired.groupby("seed", sort=True)
+    ]
+    return [*rows, _row(LEARNT, told, "gain", paired_gain(paired, rng))]
+
+
+def _with_gains(table: pd.DataFrame, thesis: Thesis, item: str) -> pd.DataFrame:
+    """The thesis's gains, where it gives both success rates."""
+    known = table["thesis"].to_list()
+    for place, row in enumerate(table.to_dict("records")):
+        parts = str(row["setting"]).split(";")
+        if row["metric"] != "gain" or not parts[0].startswith("over="):
+            continue
+        rates = [
+            thesis.value(item, method, ";".join(parts[1:]), "success")
+            for method in (LEARNT, parts[0].partition("=")[2])
+        ]
+        if rates[0] is not None and rates[1] is not None:
+            known[place] = rates[0] - rates[1]
+    return table.assign(thesis=np.array(known, dtype=float))
+
+
+def _rate(method: str, setting: str, metric: str, hits: BoolArray) -> Row:
+    low, high = wilson_interval(int(hits.sum()), len(hits))
+    mean = float(hits.mean()) if len(hits) else np.nan
+    return method, setting, metric, mean, float(low), float(high), len(hits)
+
+
+def _row(method: str, setting: str, metric: str, found: Interval) -> Row:
+    def plain(value: Array) -> float:
+        return float(value)
+
+    return method, setting, metric, plain(found.mean), plain(found.low), plain(found.high), found.n
+
+
+def _joined(*parts: str) -> str:
+    return ";".join(part for part in parts if part)
+
+
+def _frame(rows: list[Row]) -> pd.DataFrame:
+    table = pd.DataFrame(rows, columns=list(COLUMNS[:-1]))
+    return table.astype({"mean": float, "low": float, "high": float, "n": int})

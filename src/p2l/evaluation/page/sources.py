@@ -1,0 +1,155 @@
+"""Where the report reads: the folders that the stages left, by stage and domain."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pandas as pd
+import yaml  # type: ignore[import-untyped]
+
+from p2l.artifacts import load_arrays, load_json, load_table
+from p2l.contracts.domain import Domain
+from p2l.errors import ArtifactError
+from p2l.evaluation.sheets import load_sheet
+from p2l.evaluation.thesis import Thesis, load_thesis
+from p2l.records import TransferData
+from p2l.registry import get_domain
+
+if TYPE_CHECKING:
+    from p2l.transfer.model import TransferModel
+
+
+@dataclass(frozen=True)
+class Team:
+    """One domain's team experiment: results (a row per set, regime, level, method), summary, plans, thetas, study."""
+
+    domain: str
+    results: pd.DataFrame
+    summary: pd.DataFrame
+    plans: pd.DataFrame
+    thetas: dict[str, float]
+    study: dict[str, Any]
+
+    def costs(self, regime: str) -> dict[str, float]:
+        """c_rob, c_hum, c_fail, c_demo of a regime."""
+        return {name: float(value) for name, value in self.study["regimes"][regime].items() if name != "levels"}
+
+    @property
+    def sets(self) -> str:
+        """What the intervals are over, in words."""
+        number, blocks = self.results["set"].nunique(), self.results["block"].nunique()
+        origin = {number: "each with tasks and skills of its own", 1: "all drawn from one pool of tasks"}.get(
+            blocks, f"drawn from {blocks} pools of tasks"
+        )
+        if self.study["orders"]:
+            return f"{number} given orders of {int(self.results['n_tasks'].iloc[0])} tasks"
+        return f"{number} sets of {int(self.results['n_tasks'].iloc[0])} tasks, {origin}"
+
+
+@dataclass(frozen=True)
+class Sources:
+    """The pipeline's folders.
+
+    Attributes:
+        data: folder with one folder per stage.
+        thesis: folder of the thesis's numbers.
+        domains: domains of the pipeline; what lies in `data` for others is not read.
+        worlds: the same for manipulation worlds.
+        recovery_worlds: those of them that learn recoveries to preconditions.
+        chain_worlds: those of them that learn where and how to recover.
+    """
+
+    data: Path
+    thesis: Path
+    domains: tuple[str, ...]
+    worlds: tuple[str, ...] = ()
+    recovery_worlds: tuple[str, ...] = ()
+    chain_worlds: tuple[str, ...] = ()
+
+    def chapter(self, number: int) -> Thesis:
+        """Numbers and claims of a chapter."""
+        return load_thesis(self.thesis, number)
+
+    def file(self, stage: str, domain: str, name: str) -> Path:
+        """A stage's file."""
+        return self.data / stage / domain / name
+
+    def config(self, stage: str, domain: str) -> dict[str, Any]:
+        """A stage's resolved configuration."""
+        path = self.file("config", domain, f"{stage}.yaml")
+        try:
+            return dict(yaml.safe_load(path.read_text(encoding="utf-8")))
+        except (OSError, ValueError, TypeError, yaml.YAMLError) as error:
+            raise ArtifactError(f"{path}: no readable configuration ({error}); run `dvc repro config`") from error
+
+    def team(self, domain: str) -> Team | None:
+        """A domain's team experiment, or None if the pipeline leaves the domain out."""
+        if domain not in self.domains:
+            return None
+        evaluated = self.data / "evaluate_team" / domain
+        return Team(
+            domain,
+            load_table(evaluated / "results.parquet", schema="team_results", version=1),
+            load_table(evaluated / "summary.parquet", schema="team_summary", version=1),
+            load_table(self.file("plan", domain, "plans.parquet"), schema="plans", version=1),
+            load_json(self.file("plan", domain, "summary.json"), schema="plan_summary", version=1)["thetas"],
+            self.config("evaluate_team", domain)["study"],
+        )
+
+    def collected(self, domain: str) -> dict[str, Any]:
+        """Summary of a domain's data collection."""
+        return load_json(self.file("collect", domain, "summary.json"), schema="collect_summary", version=1)
+
+    def transfer(self, domain: str) -> TransferData:
+        """Simulated transfer between a domain's tasks."""
+        return TransferData.from_arrays(
+            load_arrays(self.file("collect", domain, "transfer_data.npz"), schema="transfer_data", version=1)
+        )
+
+    def scores(self, domain: str) -> list[dict[str, Any]]:
+        """Scores of a domain's predictor and its baselines on held-out tasks."""
+        path = self.file("fit_transfer", domain, "metrics.json")
+        return list(load_json(path, schema="fit_transfer_metrics", version=1)["scores"])
+
+    def discovered(self, world: str) -> dict[str, Any]:
+        """What discovery found in a world."""
+        return load_json(self.file("discover", world, "summary.json"), schema="discover_summary", version=1)
+
+    def clustered(self, world: str) -> dict[str, Any]:
+        """A world's failure modes."""
+        return load_json(self.file("cluster", world, "summary.json"), schema="cluster_summary", version=1)
+
+    def videos(self, world: str, stage: str = "cluster") -> tuple[list[tuple[dict[str, Any], bytes]], str | None]:
+        """What is known of each mode's video, and the video; and why there is none, if so."""
+        folder = self.data / stage / world / "videos"
+        index = load_json(folder / "videos.json", schema="videos", version=1)
+        try:
+            return [(one, (folder / one["file"]).read_bytes()) for one in index["videos"]], index["skipped"]
+        except OSError as error:
+            raise ArtifactError(f"{folder}: {error}; run `dvc repro {stage}`") from error
+
+    def sheet(self, stage: str, domain: str, name: str) -> pd.DataFrame:
+        """A CSV that a stage wrote."""
+        return load_sheet(self.file(stage, domain, name), (), f"run `dvc repro {stage}`")
+
+    def image(self, stage: str, domain: str, name: str) -> bytes:
+        """A PNG that a stage drew."""
+        path = self.file(stage, domain, name)
+        if not path.is_file():
+            raise ArtifactError(f"{path}: no such picture; run `dvc repro {stage}`")
+        return path.read_bytes()
+
+    def world(self, domain: str) -> Domain:
+        """The task distribution, as the data were collected."""
+        chosen = self.config("collect", domain)["domain"]
+        return get_domain(chosen["name"], chosen["params"])
+
+    def model(self, domain: str) -> TransferModel:
+        """The fitted predictor."""
+        from p2l.transfer.model import load_transfer_model
+
+        world = self.world(domain)
+        path = self.file("fit_transfer", domain, "transfer_model.safetensors")
+        return load_transfer_model(path, feature_names=world.feature_names, encoding=world.encoding)

@@ -1,0 +1,1 @@
+"""Chapter 3's plans and costs: tables, figures and sections of the report."""

@@ -1,0 +1,1 @@
+"""How good the transfer predictor is: scores, figures and their section of the report."""

@@ -1,0 +1,137 @@
+"""How good is the precondition predictor on tasks it has not seen, and does its probability mean what it says?
+
+Pairs are judged in two groups: `new_test`, where the tested task is held out and the taught one was fitted, and
+`both_new`, where both are held out. Intervals resample held-out tasks, not pairs, since pairs of a task are alike.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from p2l.artifacts import finite
+from p2l.evaluation.statistics import resample_weights, wilson_interval
+from p2l.records import Array, IntArray, TransferData
+from p2l.transfer import baselines, calibration
+from p2l.transfer.calibration import Platt
+from p2l.transfer.fitting import Split
+from p2l.transfer.model import TransferModel
+
+SCORES: dict[str, Callable[..., Array]] = {
+    "auc": calibration.auc,
+    "brier": calibration.brier,
+    "log_loss": calibration.log_loss,
+    "ece": calibration.ece,
+}
+RESAMPLES = 1000
+
+
+@dataclass(frozen=True)
+class Judged:
+    """Predictions on held-out pairs; every array is [N].
+
+    Attributes:
+        method: which predictor.
+        pairs: `new_test` or `both_new`.
+        p: predicted probability.
+        successes: of `draws` executions.
+        taught, tested: task numbers.
+    """
+
+    method: str
+    pairs: str
+    p: Array
+    successes: IntArray
+    draws: int
+    taught: IntArray
+    tested: IntArray
+
+
+def judge(data: TransferData, model: TransferModel, split: Split) -> list[Judged]:
+    """Predictions of the model, without and with its correction, and of the baselines on held-out pairs."""
+    raw = replace(model, platt=Platt())
+    columns = np.flatnonzero(split.held_out)
+    taught_held = split.held_out[data.train_task]
+    judged = []
+    for pairs, skills in (("new_test", np.flatnonzero(~taught_held)), ("both_new", np.flatnonzero(taught_held))):
+        if skills.size == 0:
+            continue
+        tasks = data.train_task[skills]
+        train, test = data.features[tasks], data.features[columns]
+        predictions = {
+            "model": model.predict(train, test),
+            "uncorrected": raw.predict(train, test),
+            "nearest_neighbour": baselines.nearest_neighbour(data, split, model, train, test),
+            "constant": baselines.constant(data, split, train, test),
+        }
+        counts = data.successes[np.ix_(skills, columns)].ravel()
+        grid = [axis.ravel() for axis in np.meshgrid(tasks, columns, indexing="ij")]
+        judged += [Judged(name, pairs, p.ravel(), counts, data.draws, *grid) for name, p in predictions.items()]
+    return judged
+
+
+def score_table(judged: list[Judged], rng: np.random.Generator, level: float = 0.95) -> pd.DataFrame:
+    """One row per method, group of pairs and score: `method, pairs, metric, mean, low, high, n` (n pairs).
+
+    A score that the data do not define (AUC with successes only) is NaN.
+    """
+    rows = []
+    for one in judged:
+        weights = task_weights(one, RESAMPLES, rng)
+        for name, score in SCORES.items():
+            value = float(score(one.p, one.successes, one.draws))
+            with np.errstate(invalid="ignore", divide="ignore"):
+                drawn = score(one.p, one.successes, one.draws, weights)
+            drawn = drawn[np.isfinite(drawn)]
+            low, high = np.quantile(drawn, [0.5 - level / 2, 0.5 + level / 2]) if drawn.size else (np.nan, np.nan)
+            rows.append((one.method, one.pairs, name, value, float(low), float(high), len(one.p)))
+    return pd.DataFrame(rows, columns=["method", "pairs", "metric", "mean", "low", "high", "n"])
+
+
+def records(table: pd.DataFrame) -> list[dict[str, Any]]:
+    """The rows as plain data for JSON; what is not finite becomes None."""
+    columns = [table[name].tolist() for name in table.columns]
+    plain = [[finite(x) if isinstance(x, float) else x for x in column] for column in columns]
+    return [dict(zip(table.columns, row, strict=True)) for row in zip(*plain, strict=True)]
+
+
+def task_weights(judged: Judged, resamples: int, rng: np.random.Generator) -> Array:
+    """[resamples, N] how often each pair is drawn when its held-out tasks are drawn with replacement."""
+    tasks = np.unique(judged.tested)
+    drawn = resample_weights(len(tasks), resamples, rng)
+    weights = drawn[:, np.searchsorted(tasks, judged.tested)]
+    if judged.pairs == "both_new":  # the taught tasks are held-out tasks as well, drawn with the same counts
+        weights = weights * drawn[:, np.searchsorted(tasks, judged.taught)]
+    return weights
+
+
+def calibration_table(judged: list[Judged], bins: int = 10) -> pd.DataFrame:
+    """Reliability of each method over both groups of pairs, with Wilson intervals of the success rate.
+
+    Columns `method, low_p, high_p, mean_p, rate, low, high, successes, executions, pairs`. The intervals take
+    executions as independent, which those of one task are not quite.
+    """
+    tables = []
+    for method in dict.fromkeys(one.method for one in judged):
+        mine = [one for one in judged if one.method == method]
+        p, successes = np.concatenate([one.p for one in mine]), np.concatenate([one.successes for one in mine])
+        curve = calibration.reliability(p, successes, mine[0].draws, bins)
+        low, high = wilson_interval(curve.successes, curve.executions)
+        columns = {
+            "method": method,
+            "low_p": curve.low,
+            "high_p": curve.high,
+            "mean_p": curve.mean_p,
+            "rate": curve.rate,
+            "low": low,
+            "high": high,
+            "successes": curve.successes,
+            "executions": curve.executions,
+            "pairs": curve.pairs,
+        }
+        tables.append(pd.DataFrame(columns))
+    return pd.concat(tables, ignore_index=True)

@@ -1,0 +1,119 @@
+"""The worlds of the team flow and their predictors: what skills use, and how well transfer is predicted."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable
+from typing import Any
+
+import pandas as pd
+
+from p2l.evaluation.page.page import Part, Picture, Reading, Section, Sheet
+from p2l.evaluation.page.sources import Sources
+from p2l.evaluation.page.views import estimate, plain_setting, spoken, stage_commands
+from p2l.evaluation.style import png
+from p2l.evaluation.team import readings, tables
+from p2l.evaluation.team.layouts import environments
+from p2l.evaluation.transfer.maps import block_ticks, task_order, transfer_maps
+
+CHAPTER = 3
+SHOWN = ("auc", "brier", "log_loss", "ece")
+JUDGED = (
+    "The planner takes the predicted probability of success at its word, so it is judged as a probability, on tasks "
+    "held out from fitting. new_test: a fitted task's skill on a new task; both_new: skill and task both new."
+)
+ENVIRONMENTS = (
+    "The four insertion environments from above, 20 × 20 cm: walls, and the centres of the slots that tasks can have "
+    "(thesis, section 3.5.1)."
+)
+STRATEGY = (
+    "some learnt skills on their own tasks, seen from above: paths of the part's tip under different errors of the "
+    "estimate (compare figure 3.6), or taps and what each firms up."
+)
+
+
+def learnt_skills(sources: Sources) -> Section:
+    """The insertion environments, what learnt skills do, and whether they use walls."""
+    thesis = sources.chapter(CHAPTER)
+    parts: list[Part] = []
+    if "insertion" in sources.domains:
+        given = {"layout_seed": 0, "farthest_wall_cm": 2.0} | sources.config("collect", "insertion")["domain"]["params"]
+        figure = environments(int(given["layout_seed"]), float(given["farthest_wall_cm"]))
+        parts.append(Picture("environments", png(figure), ENVIRONMENTS))
+    parts += [
+        Picture(f"strategy_{domain}", sources.image("collect", domain, "strategy.png"), f"{domain}: {STRATEGY}")
+        for domain in sources.domains
+    ]
+    made = {domain: tables.walls(sources.collected(domain), domain, thesis) for domain in sources.domains}
+    table = pd.concat(made.values(), ignore_index=True)
+    rows = [
+        [spoken(row["setting"]), f"{row['mean']:.3f} [{row['low']:.3f}, {row['high']:.3f}]", str(row["n"])]
+        for row in table.to_dict("records")
+    ]
+    parts.append(Sheet("walls", table, ["", "success on the own task", "executions"], rows, "95 % Wilson intervals."))
+    numbers: dict[str, float] = {}
+    for domain, own in made.items():
+        numbers |= {f"walls/{plain_setting(row['setting'])}": row["mean"] for row in own.to_dict("records")}
+        if len(own) == 2:
+            reading = readings.read_walls(thesis.claims["insertion", "walls"], own)
+            parts.append(Reading(reading.thesis, f"{domain}: {reading.ours}", reading.agrees))
+    return Section(
+        "What skills do, and whether they use walls", parts, stage_commands("collect", sources.domains), numbers
+    )
+
+
+def predictors(sources: Sources) -> Section:
+    """Scores, reliability and heat maps of each domain's transfer model."""
+    thesis = sources.chapter(CHAPTER)
+    made = {domain: tables.transfer_scores(sources.scores(domain), domain, thesis) for domain in sources.domains}
+    table = pd.concat(made.values(), ignore_index=True)
+    cell = {(row["method"], row["setting"], row["metric"]): row for row in table.to_dict("records")}
+    keys = list(dict.fromkeys(zip(table["setting"], table["method"], strict=True)))
+    rows = [
+        [spoken(setting), method.replace("_", " "), *(_score(cell.get((method, setting, m))) for m in SHOWN)]
+        for setting, method in keys
+    ]
+    parts: list[Part] = [
+        JUDGED,
+        *(readings.read_scores(own, "new_test", domain) for domain, own in made.items()),
+        Sheet(
+            "transfer_model",
+            table,
+            ["", "predictor", "AUC", "Brier", "log loss", "calibration error"],
+            rows,
+            "95 % intervals resample held-out tasks; lower is better except for AUC.",
+        ),
+    ]
+    for domain in sources.domains:
+        parts += [_reliability(sources, domain), _maps(sources, domain)]
+    numbers = {
+        f"transfer_model/{domain}/{metric}": cell["model", f"domain={domain};pairs=new_test", metric]["mean"]
+        for domain in sources.domains
+        for metric in ("auc", "brier")
+        if ("model", f"domain={domain};pairs=new_test", metric) in cell
+    }
+    return Section("How well transfer is predicted", parts, stage_commands("fit_transfer", sources.domains), numbers)
+
+
+def _score(row: dict[Hashable, Any] | None) -> str:
+    return "–" if row is None else estimate(row["mean"], row["low"], row["high"], digits=3)
+
+
+def _reliability(sources: Sources, domain: str) -> Picture:
+    caption = f"{domain}: how often pairs succeed whose predicted probability is p, on held-out tasks."
+    return Picture(f"calibration_{domain}", sources.image("fit_transfer", domain, "calibration.png"), caption)
+
+
+def _maps(sources: Sources, domain: str) -> Picture:
+    data, model = sources.transfer(domain), sources.model(domain)
+    order, kinds = task_order(data)
+    place = {int(task): rank for rank, task in enumerate(order)}
+    skills = sorted(range(len(data.train_task)), key=lambda skill: place[int(data.train_task[skill])])
+    taught = data.train_task[skills]
+    panels = {
+        "simulated success rate": data.rate[skills][:, order],
+        "predicted probability": model.predict(data.features[taught], data.features[order]),
+    }
+    rows = block_ticks([kinds[place[int(task)]] for task in taught])
+    figure = transfer_maps(panels, "taught task", "tested task", rows, block_ticks(kinds))
+    caption = f"{domain}: every skill of the collected data on every task; most of these tasks were fitted."
+    return Picture(f"transfer_{domain}", png(figure), caption)

@@ -1,0 +1,223 @@
+"""Videos of executions: states drawn off screen by EGL, else OSMesa, and written as H.264.
+
+Without a GL nothing fails: `backend` says what to install, and who asked goes on without videos. Drawing in software
+takes 30 to 60 ms a frame of 320 × 240, so videos are small and show every few control steps, in real time.
+
+Axis letters: T control steps, F frames, H and W pixels.
+"""
+
+from __future__ import annotations
+
+import copy
+import functools
+import importlib
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import mujoco
+import numpy as np
+import numpy.typing as npt
+
+from p2l.artifacts import atomic
+from p2l.contracts.world import Rows, View, World
+from p2l.errors import P2LError
+from p2l.records import Array
+from p2l.sim.model import TARGET_BODY
+
+Frames = npt.NDArray[np.uint8]
+BACKENDS = ("egl", "osmesa")
+INSTALL = "apt install libegl1 libgl1-mesa-dri (or libosmesa6)"
+ASKED = os.environ.get("MUJOCO_GL", "").strip().lower()  # as it was before robosuite, imported later, set it
+_PROBE = "import mujoco.{0} as gl; context = gl.GLContext(8, 8); context.make_current(); context.free()"
+_RED = np.array([200, 40, 40], dtype=np.uint8)
+
+
+class NoGLError(P2LError):
+    """There is no way to draw off screen; the message says what to install."""
+
+
+@dataclass(frozen=True)
+class VideoOptions:
+    """How a video looks.
+
+    Attributes:
+        width, height: pixels.
+        max_frames: of the motion, which runs in real time; long executions skip control steps.
+        hold_s: how long the last frame stays, framed in red where it is a failure.
+        samples: of a pixel, against ragged edges; 0 draws twice as fast as 4.
+    """
+
+    width: int = 320
+    height: int = 240
+    max_frames: int = 30
+    hold_s: float = 1.0
+    samples: int = 4
+
+
+@functools.cache
+def backend() -> str:
+    """The first of `BACKENDS` that can draw here; one that `MUJOCO_GL` names goes first.
+
+    Tried in processes of their own: a library that fails to load cannot be unloaded, and spoils the next one's.
+
+    Raises:
+        NoGLError: none.
+    """
+    if ASKED in ("0", "off", "false", "disable", "disabled"):
+        raise NoGLError(f"no videos: MUJOCO_GL={ASKED}; unset it to draw them")
+    tried: dict[str, str] = {}
+    for name in sorted(BACKENDS, key=lambda name: name != ASKED):
+        if (problem := _probe(name)) is None:
+            return name
+        tried[name] = problem
+    told = "; ".join(f"{name}: {problem}" for name, problem in tried.items())
+    raise NoGLError(f"no videos: neither EGL nor OSMesa can draw here ({told}). To have them: {INSTALL}")
+
+
+def _probe(name: str) -> str | None:
+    """What goes wrong with a library, or None."""
+    known = {key: value for key, value in os.environ.items() if key not in ("PYOPENGL_PLATFORM", "MUJOCO_GL")}
+    command = [sys.executable, "-c", _PROBE.format(name)]
+    try:
+        done = subprocess.run(command, env=known | {"MUJOCO_GL": name}, capture_output=True, text=True, timeout=60)
+    except subprocess.TimeoutExpired:
+        return "no answer in 60 s"
+    lines = [line for line in done.stderr.splitlines() if line.strip() and not line.startswith(("Exception", " "))]
+    return None if done.returncode == 0 else (lines[-1][:120] if lines else f"exit code {done.returncode}")
+
+
+class Camera:
+    """Draws rows of one world; holds a GL context, so close it.
+
+    Args:
+        world: whose rows are drawn.
+        options: size of the frames.
+        view: where from; the world's own without it.
+
+    Raises:
+        NoGLError: nothing to draw with.
+    """
+
+    def __init__(self, world: World, options: VideoOptions, view: View | None = None) -> None:
+        name = backend()
+        os.environ.pop("PYOPENGL_PLATFORM", None)
+        self.world, self.options, self.view = world, options, view or world.view
+        self._context: Any = importlib.import_module(f"mujoco.{name}").GLContext(options.width, options.height)
+        self._context.make_current()
+        self._rect = mujoco.MjrRect(0, 0, options.width, options.height)
+        self._drawers: dict[int, _Drawer] = {}
+
+    def __enter__(self) -> Camera:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Give the GL context back."""
+        for drawer in self._drawers.values():
+            drawer.target.free()
+        self._drawers.clear()
+        self._context.free()
+
+    def film(self, path: Rows, *, failed: bool = False) -> tuple[Frames, float]:
+        """[F, H, W, 3] of the rows [T] of one execution, in order, the last one included; and frames per second."""
+        every = -(-len(path) // self.options.max_frames)
+        fps = 1.0 / (every * self.world.engine.control_period_s)
+        chosen = [*range(0, len(path) - 1, every), len(path) - 1]
+        grip = self.world.engine.sensor_columns["grip_pos"]
+        way = path.sensors[:, grip]
+        lookat = np.asarray(self.view.lookat_m or 0.5 * (way.min(axis=0) + way.max(axis=0)))
+        frames = [self._draw(path.states[step], int(path.model[step]), lookat) for step in chosen]
+        if failed:
+            frames[-1] = _framed(frames[-1])
+        return np.stack(frames + [frames[-1]] * round(self.options.hold_s * fps)), fps
+
+    def _draw(self, state: Array, model: int, lookat: Array) -> Frames:
+        if model not in self._drawers:
+            self._drawers[model] = _Drawer(self.world, model, self.options.samples)
+        drawer = self._drawers[model]
+        drawer.pose(state)
+        camera = mujoco.MjvCamera()
+        camera.lookat[:] = lookat
+        camera.azimuth, camera.elevation = self.view.azimuth_deg, self.view.elevation_deg
+        camera.distance = self.view.distance_m
+        every = mujoco.mjtCatBit.mjCAT_ALL.value
+        mujoco.mjv_updateScene(drawer.model, drawer.data, drawer.shown, None, camera, every, drawer.scene)
+        mujoco.mjr_render(self._rect, drawer.scene, drawer.target)
+        pixels = np.empty((self.options.height, self.options.width, 3), dtype=np.uint8)
+        mujoco.mjr_readPixels(pixels, None, self._rect, drawer.target)
+        return pixels[::-1]
+
+
+class _Drawer:
+    """One model of a world with what the GL needs of it."""
+
+    def __init__(self, world: World, model: int, samples: int) -> None:
+        self._engine = world.engine
+        self.model = copy.copy(world.drawn(model))
+        self.model.vis.quality.shadowsize = 1024
+        self.model.vis.quality.offsamples = samples
+        self.data = mujoco.MjData(self.model)
+        self.shown = mujoco.MjvOption()
+        self.shown.geomgroup[:] = 0
+        # robosuite's collision geoms are group 0 and would be drawn over the visual ones, which are group 1.
+        self.shown.geomgroup[1 if (self.model.geom_group == 1).any() else 0] = 1
+        self.shown.sitegroup[:] = 0
+        self.scene = mujoco.MjvScene(self.model, maxgeom=2000)
+        self.target = mujoco.MjrContext(self.model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
+        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self.target)
+
+    def pose(self, state: Array) -> None:
+        """Put the model where a row of the engine has it."""
+        engine, size = self._engine, self._engine.physics_size
+        mujoco.mj_setState(self.model, self.data, state[:size], mujoco.mjtState.mjSTATE_FULLPHYSICS)
+        for place, name in enumerate((TARGET_BODY, *engine.furniture)):
+            mocap = int(self.model.body(name).mocapid[0])
+            pose = state[size + 7 * place : size + 7 * place + 7]
+            self.data.mocap_pos[mocap], self.data.mocap_quat[mocap] = pose[:3], pose[3:]
+        mujoco.mj_kinematics(self.model, self.data)
+        mujoco.mj_camlight(self.model, self.data)
+
+
+def save_video(path: Path | str, frames: Frames, fps: float) -> None:
+    """Write an H.264 `.mp4` that browsers play; width and height must be even."""
+    import imageio_ffmpeg
+
+    height, width = frames.shape[1:3]
+    quiet = ["-crf", "30", "-movflags", "+faststart", "-bitexact", "-threads", "1"]
+    with atomic(path) as temporary:
+        writer = imageio_ffmpeg.write_frames(
+            str(temporary), (width, height), fps=fps, codec="libx264", quality=None, macro_block_size=2,
+            output_params=quiet,
+        )  # fmt: skip
+        writer.send(None)
+        for frame in frames:
+            writer.send(np.ascontiguousarray(frame))
+        writer.close()
+
+
+def play(world: World, paths: Sequence[Rows], files: Sequence[Path], options: VideoOptions, *, failed: bool) -> None:
+    """One video of each path.
+
+    Raises:
+        NoGLError: nothing to draw with; no file is written.
+    """
+    with Camera(world, options) as camera:
+        for path, file in zip(paths, files, strict=True):
+            save_video(file, *camera.film(path, failed=failed))
+
+
+def _framed(frame: Frames) -> Frames:
+    framed = frame.copy()
+    for edge in (np.s_[:4], np.s_[-4:], np.s_[:, :4], np.s_[:, -4:]):
+        framed[edge] = _RED
+    return framed

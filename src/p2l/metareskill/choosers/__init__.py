@@ -1,0 +1,1 @@
+"""Rules that choose the recovery to train next; `choose` is their contract."""

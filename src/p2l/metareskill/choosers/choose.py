@@ -1,0 +1,146 @@
+"""The contract of a chooser, and the one list of them.
+
+A chooser is a factory of a rule. The factory checks its settings, before any training; the rule maps the graph, the
+history and a generator to the recovery to train next. Factories are named, not imported. A new chooser is one
+function, one `register` line and one YAML in `conf/chooser/`.
+"""
+
+from __future__ import annotations
+
+import importlib
+import inspect
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from p2l.errors import ConfigError
+from p2l.metareskill.graph import SkillGraph
+from p2l.metareskill.history import History
+from p2l.metareskill.value_iteration import TIE, greedy
+from p2l.records import Array
+
+_FACTORIES: dict[str, str] = {}
+
+
+@dataclass(frozen=True)
+class Choice:
+    """The recovery to train next, and why.
+
+    Attributes:
+        mode, target: the recovery.
+        reason: a few words for the table of rounds.
+        q_upper: upper confidence limit of its success rate, NaN if the rule has none.
+        predicted: value of failures at that limit, NaN likewise.
+    """
+
+    mode: int
+    target: int
+    reason: str
+    q_upper: float = math.nan
+    predicted: float = math.nan
+
+
+Rule = Callable[[SkillGraph, History, np.random.Generator], Choice]
+
+
+@dataclass(frozen=True)
+class Chooser:
+    """A rule, preceded by some rounds of round-robin.
+
+    Attributes:
+        name: as registered.
+        rule: decides once every recovery was trained `initial_rounds` times.
+        initial_rounds: K of Algorithm 3.
+    """
+
+    name: str
+    rule: Rule
+    initial_rounds: int
+
+    def __call__(self, graph: SkillGraph, history: History, rng: np.random.Generator) -> Choice:
+        """The next recovery; `graph` holds the best success rates so far."""
+        if history.trained.min() < self.initial_rounds:
+            return least_trained(history, "initial round")
+        return self.rule(graph, history, rng)
+
+
+def least_trained(history: History, reason: str) -> Choice:
+    """The recovery that got the fewest rounds, the first of them in the order of modes and targets."""
+    return _choice(int(history.trained.argmin()), history, reason)
+
+
+def best_of(scores: Array, history: History, rng: np.random.Generator, reason: str, tie: float = TIE) -> Choice:
+    """The recovery of the highest score [I, M]; ties are broken at random."""
+    return _choice(int(greedy(scores.reshape(1, -1), rng, tie)[0]), history, reason)
+
+
+def _choice(pair: int, history: History, reason: str) -> Choice:
+    mode, target = divmod(pair, history.initial.shape[1])
+    return Choice(mode, target, reason)
+
+
+def check_number(
+    what: str, value: Any, *, low: float, high: float = math.inf, strict: bool = False, whole: bool = False
+) -> None:
+    """Refuse a setting that is no number, or not in [low, high] ((low, high) if `strict`), finite in any case.
+
+    Raises:
+        ConfigError: names the setting, what was given and what is allowed.
+    """
+    number = isinstance(value, int if whole else (int, float)) and not isinstance(value, bool)
+    if number and math.isfinite(value) and low <= value <= high and not (strict and value in (low, high)):
+        return
+    brackets = "()" if strict else "[]"
+    kind = "whole number" if whole else "number"
+    raise ConfigError(f"{what}: {value!r} given; it must be a finite {kind} in {brackets[0]}{low}, {high}{brackets[1]}")
+
+
+def register(name: str, factory: str) -> None:
+    """Make `factory` (`package.module:function`) available as `name`.
+
+    Raises:
+        ConfigError: the name is taken by another factory, or `factory` has no colon.
+    """
+    if ":" not in factory:
+        raise ConfigError(f"chooser '{name}': factory '{factory}' has no colon; write 'package.module:function'")
+    if _FACTORIES.setdefault(name, factory) != factory:
+        raise ConfigError(f"chooser '{name}' is already registered as '{_FACTORIES[name]}'; choose another name")
+
+
+def known_choosers() -> tuple[str, ...]:
+    """Names of all registered choosers, sorted."""
+    return tuple(sorted(_FACTORIES))
+
+
+def get_chooser(name: str, params: Mapping[str, Any] | None = None) -> Chooser:
+    """Build a chooser.
+
+    Args:
+        name: as registered.
+        params: settings of its factory, and `initial_rounds`, which every chooser takes (0 if not given).
+
+    Raises:
+        ConfigError: unknown chooser, or a setting that it does not take or refuses.
+    """
+    if name not in _FACTORIES:
+        raise ConfigError(f"unknown chooser '{name}'; known choosers: {', '.join(known_choosers())}")
+    module, _, attribute = _FACTORIES[name].partition(":")
+    factory: Callable[..., Rule] = getattr(importlib.import_module(module), attribute)
+    given = dict(params or {})
+    initial_rounds = given.pop("initial_rounds", 0)
+    allowed = tuple(inspect.signature(factory).parameters)
+    if unknown := sorted(set(given) - set(allowed)):
+        raise ConfigError(f"chooser '{name}': unknown settings {unknown}; it takes {['initial_rounds', *allowed]}")
+    check_number(f"{name}: initial_rounds", initial_rounds, low=0, whole=True)
+    return Chooser(name, factory(**given), initial_rounds)
+
+
+register("metareskill", "p2l.metareskill.choosers.rules:metareskill")
+register("round_robin", "p2l.metareskill.choosers.rules:round_robin")
+register("weighted_round_robin", "p2l.metareskill.choosers.rules:weighted_round_robin")
+register("ucb1", "p2l.metareskill.choosers.bandits:ucb1")
+register("thompson", "p2l.metareskill.choosers.bandits:thompson")
+register("oracle", "p2l.metareskill.choosers.oracle:oracle")

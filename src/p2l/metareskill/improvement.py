@@ -1,0 +1,57 @@
+"""How much could a recovery improve in another round? An upper confidence limit (thesis, section 4.3.4, Algorithm 3).
+
+The limit of the mean of the last W forward differences of a success rate, under the assumption that they are normal:
+mean + t · s / √n, with s their standard deviation and t the quantile of a two-sided interval of confidence α, that is
+the (1 + α)/2 quantile of Student's t with n − 1 degrees of freedom.
+
+Reading of the thesis:
+1. Algorithm 3 keeps a queue of w success rates, the text "the w most recent forward differences"; figure 4.4 predicts
+   round 5 from the improvement in rounds 2 to 4 with w = 3. Hence w differences, of w + 1 rates.
+2. The first difference counts from the success rate before any training, which is 0 (section 4.3.3): with the K = 2
+   initial rounds of section 4.4.2 there would otherwise be a single difference and no spread.
+3. With fewer than two differences the limit is infinite, and the success rate may become 1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import stdtrit
+
+from p2l.metareskill.history import History
+from p2l.records import Array, IntArray
+
+
+@dataclass(frozen=True)
+class Improvement:
+    """The model of improvement of every recovery, [I, M] each.
+
+    Attributes:
+        mean: rate of improvement per round; 0 without data.
+        upper: its upper confidence limit; infinite with fewer than two differences.
+        q_upper: best success rate plus `upper`, within [0, 1].
+    """
+
+    mean: Array
+    upper: Array
+    q_upper: Array
+
+
+def quantile(confidence: float, count: IntArray) -> Array:
+    """Student's t of a two-sided interval of `confidence` for the mean of `count` ≥ 2 values."""
+    return np.asarray(stdtrit(count - 1, (1.0 + confidence) / 2.0))
+
+
+def improvement(history: History, *, window: int, confidence: float) -> Improvement:
+    """Limits of all recoveries from their last `window` forward differences."""
+    differences = history.last_differences(window)
+    known = np.isfinite(differences)
+    count = known.sum(axis=-1)
+    given = np.where(known, differences, 0.0)
+    mean = given.sum(axis=-1) / np.maximum(count, 1)
+    squares = (np.where(known, given - mean[..., None], 0.0) ** 2).sum(axis=-1)
+    enough = np.maximum(count, 2)
+    error = np.sqrt(squares / (enough - 1) / enough)
+    upper = np.where(count >= 2, mean + quantile(confidence, enough) * error, np.inf)
+    return Improvement(mean, upper, np.clip(history.best + upper, 0.0, 1.0))

@@ -1,0 +1,139 @@
+"""What recovery training leaves: the graph with its learnt probabilities, and the skills behind them.
+
+Axis letters: I modes, M targets.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from p2l.artifacts import AnyArray, config_hash, load_arrays, save_arrays
+from p2l.contracts.world import World
+from p2l.errors import ArtifactError
+from p2l.failures.classifier import ModeClassifier
+from p2l.metareskill.graph import SkillGraph
+from p2l.metareskill.history import History
+from p2l.metareskill.regression import ParameterisedSkill
+from p2l.metareskill.train import Trainer
+from p2l.preconditions.record import Preconditions
+from p2l.skills.relative import Timing
+
+SCHEMA, VERSION = "recoveries", 2
+Skills = Mapping[tuple[int, int], ParameterisedSkill]
+
+
+@dataclass(frozen=True)
+class Recoveries:
+    """Learnt recoveries of one world, for one set of failure modes.
+
+    Attributes:
+        world: registered name.
+        digest: of the world.
+        modes: hash of the failure modes, see `modes_hash`.
+        preconditions: hash of the preconditions.
+        graph: success probabilities [I, M] among others.
+        skills: by (mode, target), of those that solved a failure.
+        timing: of their motions.
+    """
+
+    world: str
+    digest: str
+    modes: str
+    preconditions: str
+    graph: SkillGraph
+    skills: Skills
+    timing: Timing
+
+
+def modes_hash(modes: ModeClassifier) -> str:
+    """Identifies failure modes by what they classify with."""
+    told = {name: getattr(modes, name) for name in ("world", "digest", "fields", "columns")}
+    names = ("centre", "spread", "weights", "means", "covariances", "sizes")
+    return config_hash(told | {name: getattr(modes, name).tolist() for name in names})
+
+
+def preconditions_hash(preconditions: Preconditions) -> str:
+    """Identifies preconditions by what they classify with."""
+    parts = [*(skill.arrays() for skill in preconditions.skills), preconditions.goal.arrays("goal.")]
+    numbers = [{key: value.tolist() for key, value in part.items()} for part in parts]
+    told = [preconditions.digest, preconditions.names, preconditions.threshold, preconditions.nominal.tolist()]
+    return config_hash([*told, *numbers])
+
+
+def recoveries_hash(recoveries: Recoveries) -> str:
+    """Identifies learnt recoveries by what they do and how good they are taken to be."""
+    skills = {
+        f"{mode}.{target}.{key}": value.tolist()
+        for (mode, target), skill in recoveries.skills.items()
+        for key, value in skill.arrays().items()
+    }
+    graph = {key: value.tolist() for key, value in recoveries.graph.arrays().items()}
+    return config_hash([recoveries.preconditions, recoveries.modes, asdict(recoveries.timing), graph, skills])
+
+
+def collect(
+    trainer: Trainer, modes: ModeClassifier, graph: SkillGraph, history: History, episodes: int = 1
+) -> Recoveries:
+    """The best skills of a training that is over, `episodes` trainings in each of its rounds."""
+    preconditions = trainer.task.preconditions
+    found = {
+        (mode, target): trainer.skill(mode, target, int(count) * episodes)
+        for (mode, target), count in np.ndenumerate(history.trained)
+    }
+    return Recoveries(
+        world=preconditions.world,
+        digest=preconditions.digest,
+        modes=modes_hash(modes),
+        preconditions=preconditions_hash(preconditions),
+        graph=graph.with_q(history.best),
+        skills={key: skill for key, skill in found.items() if skill is not None},
+        timing=trainer.options.timing,
+    )
+
+
+def save_recoveries(path: Path | str, recoveries: Recoveries) -> None:
+    """Write a `.npz`."""
+    told = {name: getattr(recoveries, name) for name in ("world", "digest", "modes", "preconditions")}
+    told |= {"timing": asdict(recoveries.timing), "skills": [list(key) for key in recoveries.skills]}
+    arrays: dict[str, AnyArray] = {"about": np.array(json.dumps(told, sort_keys=True))}
+    arrays |= {f"graph.{key}": value for key, value in recoveries.graph.arrays().items()}
+    for (mode, target), skill in recoveries.skills.items():
+        arrays |= {f"skill.{mode}.{target}.{key}": value for key, value in skill.arrays().items()}
+    save_arrays(path, arrays, schema=SCHEMA, version=VERSION)
+
+
+def load_recoveries(path: Path | str, world: World, preconditions: Preconditions, modes: ModeClassifier) -> Recoveries:
+    """Read what `save_recoveries` wrote.
+
+    Raises:
+        ArtifactError: missing, damaged, of another version, or of another world, other preconditions or other modes.
+    """
+    arrays = load_arrays(path, schema=SCHEMA, version=VERSION)
+    told = json.loads(str(arrays["about"]))
+    wanted = {
+        "world": world.name,
+        "digest": world.digest,
+        "preconditions": preconditions_hash(preconditions),
+        "modes": modes_hash(modes),
+    }
+    if other := [name for name, value in wanted.items() if told[name] != value]:
+        raise ArtifactError(
+            f"{path}: recoveries were learnt with another {', '.join(other)}; "
+            "give the files that they were learnt with, or run `python -m stages.learn_recoveries` again"
+        )
+    keys = [(int(mode), int(target)) for mode, target in told["skills"]]
+    skills = {
+        (mode, target): ParameterisedSkill.from_arrays(_part(arrays, f"skill.{mode}.{target}."))
+        for mode, target in keys
+    }
+    timing = Timing(**{name: tuple(value) for name, value in told["timing"].items()})
+    return Recoveries(**wanted, graph=SkillGraph.from_arrays(_part(arrays, "graph.")), skills=skills, timing=timing)
+
+
+def _part(arrays: Mapping[str, AnyArray], prefix: str) -> dict[str, AnyArray]:
+    return {key.removeprefix(prefix): value for key, value in arrays.items() if key.startswith(prefix)}

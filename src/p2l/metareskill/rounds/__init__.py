@@ -1,0 +1,1 @@
+"""Failure rounds: discover what is still lost, and learn on."""

@@ -1,0 +1,146 @@
+"""Train one recovery once more: query REPS at another failure, refit the skill, measure it on held-out failures.
+
+This is the `train` of Algorithm 3 (`metareskill.loop.Train`). A parameterised skill is k-nearest-neighbour regression
+over the failures of its mode that were solved; its success rate q is measured on held-out failures of the mode, which
+have another seed and are never trained from (thesis, sections 4.3.2 and 4.4).
+
+Axis letters: N failures, P parameters.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from p2l.contracts.world import Rows
+from p2l.errors import ArtifactError
+from p2l.metareskill.history import Trained
+from p2l.metareskill.ledger import Entry, Ledger
+from p2l.metareskill.query import QueryOptions, query
+from p2l.metareskill.regression import ParameterisedSkill, fit_skill
+from p2l.metareskill.target import Task
+from p2l.records import Array, IntArray
+from p2l.seeding import generator
+from p2l.skills.execute import execute, known_exactly
+
+
+@dataclass(frozen=True)
+class Members:
+    """Failures with their modes.
+
+    Attributes:
+        rows: [N].
+        mode: [N].
+    """
+
+    rows: Rows
+    mode: IntArray
+
+    def of(self, mode: int) -> IntArray:
+        """Indices of one mode's failures."""
+        return np.flatnonzero(self.mode == mode)
+
+
+@dataclass(frozen=True)
+class Trainer:
+    """Trains recoveries of one world, from one set of failures; remembers in the ledger.
+
+    Attributes:
+        task: world and preconditions.
+        failures: to train from.
+        held_out: to measure on.
+        options: of queries.
+        seed: of all training.
+        ledger: what was asked so far.
+        trials: largest number of held-out failures that one measurement uses.
+        residual: whether skills add to the straight motion, see `regression`.
+    """
+
+    task: Task
+    failures: Members
+    held_out: Members
+    options: QueryOptions
+    seed: int
+    ledger: Ledger
+    trials: int = 50
+    residual: bool = True
+
+    def __call__(self, mode: int, target: int, before: int) -> Trained:
+        """Train recovery (mode, target) for the time `before` + 1."""
+        key = mode, target, before
+        if key not in self.ledger.entries:
+            self.ledger.add(key, self._train(mode, target, before))
+        entry = self.ledger.entries[key]
+        return Trained(q=entry.q, trials=entry.trials, solved=entry.solved)
+
+    def _train(self, mode: int, target: int, before: int) -> Entry:
+        begun = time.perf_counter()
+        index = self._failure(mode, target, before)
+        rng = generator(self.seed, "recovery", mode, target, before)
+        [answer] = query(self.task, self.failures.rows.take([index]), [target], [rng], self.options)
+        past = self.ledger.of(mode, target, before)
+        solved = [(entry.failure, entry.parameters) for entry in past if entry.solved]
+        q, trials = (past[-1].q, past[-1].trials) if past else (0.0, len(self.tests(mode)))
+        if answer.solved:
+            solved.append((index, answer.parameters))
+            q, trials = self.measure(self._fit(mode, target, solved), mode, target)
+        return Entry(
+            failure=index,
+            solved=answer.solved,
+            parameters=answer.parameters,
+            success=np.array(answer.success),
+            rollouts=answer.rollouts,
+            q=q,
+            trials=trials,
+            seconds=time.perf_counter() - begun,
+        )
+
+    def skill(self, mode: int, target: int, trained: int) -> ParameterisedSkill | None:
+        """The skill after `trained` trainings; the best of them so far, as Algorithm 3 keeps it; None: none solved."""
+        past = self.ledger.of(mode, target, trained)
+        solved = [number for number, entry in enumerate(past) if entry.solved]
+        if not solved:
+            return None
+        best = max(solved, key=lambda number: (past[number].q, number))
+        kept = [entry for entry in past[: best + 1] if entry.solved]
+        return self._fit(mode, target, [(entry.failure, entry.parameters) for entry in kept])
+
+    def tests(self, mode: int) -> IntArray:
+        """Indices of the held-out failures that measure a mode's recoveries."""
+        members = self.held_out.of(mode)
+        if not len(members):
+            raise ArtifactError(
+                f"failure mode {mode} has no held-out failure, so its recoveries cannot be measured; "
+                "discover with more held-out executions (`executions.held_out`), or cluster into fewer modes"
+            )
+        order = generator(self.seed, "held_out", mode).permutation(len(members))
+        return np.asarray(members[order[: self.trials]])
+
+    def measure(self, skill: ParameterisedSkill, mode: int, target: int) -> tuple[float, int]:
+        """Success rate on held-out failures of the mode, all in one batch, and their number."""
+        rows = known_exactly(self.held_out.rows.take(self.tests(mode)))
+        arrivals = execute(
+            self.task.world, rows, self.task.recovery(skill, target, self.task.world.observe(rows)), self.options.timing
+        )
+        reached = self.task.holds(arrivals.last)[:, target] & ~arrivals.diverged
+        return float(reached.mean()), len(rows)
+
+    def _failure(self, mode: int, target: int, before: int) -> int:
+        """Another failure each time, until all of the mode have been queried."""
+        members = self.failures.of(mode)
+        order = generator(self.seed, "order", mode, target).permutation(len(members))
+        return int(members[order[before % len(members)]])
+
+    def _fit(self, mode: int, target: int, solved: Sequence[tuple[int, Array]]) -> ParameterisedSkill:
+        index, found = zip(*solved, strict=True)
+        rows, parameters = known_exactly(self.failures.rows.take(list(index))), np.stack(found)
+        if self.residual:
+            parameters = parameters - self.task.straight(self.task.world.observe(rows), target)
+        reference = self._context(self.failures.rows.take(self.failures.of(mode)))
+        return fit_skill(self._context(rows), parameters, reference=reference, residual=self.residual)
+
+    def _context(self, rows: Rows) -> Array:
+        return self.task.state(rows)[:, list(self.task.symbols.context)]

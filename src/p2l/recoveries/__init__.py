@@ -1,1 +1,0 @@
-"""Recoveries: which to learn next, and how they are learnt."""

@@ -1,1 +1,0 @@
-"""Nominal skills, one file for each world."""

@@ -1,0 +1,181 @@
+"""Lagrangian branch and bound on the core that fixing leaves.
+
+A node is a partial choice of facilities and the multipliers of its parent. A few volume iterations raise its bound,
+reduced costs fix facilities and pairs (a node's bound is tighter than the root's, so its instance soon shrinks), and
+the facility whose estimated opening is nearest to one half is branched on. The node with the lowest bound comes first,
+so the bound of an interrupted search is the best that its tree can prove.
+"""
+
+from __future__ import annotations
+
+import heapq
+import time
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from p2l.records import Array, BoolArray, IntArray
+from p2l.team.facility.fixing import Core, fix, shrink
+from p2l.team.facility.local_search import columns_of, descend, open_cost
+from p2l.team.facility.volume import CLOSED, FREE, OPEN, Bound, raise_bound
+
+_ITERATIONS = 60  # of the volume algorithm per node
+_ROUNDED_NODES = 20  # these try to improve the plan, afterwards every tenth does
+_WORTH_SHRINKING = 500  # pairs; a smaller instance costs nothing to evaluate
+_MEMORY = 1_000_000_000  # bytes of open nodes; beyond, the search goes depth first
+
+
+@dataclass(frozen=True)
+class Target:
+    """What a bound must reach. A plan counts as better only if it saves more than the margin.
+
+    Attributes:
+        gap: relative gap that the caller accepts.
+        unit: every plan's cost is a multiple of it; 0 when costs are not integers.
+    """
+
+    gap: float = 0.0
+    unit: float = 0.0
+
+    def cutoff(self, upper: float) -> float:
+        """The bound from which on no plan is better than `upper` by more than the margin."""
+        return upper - max(max(self.gap, 1e-9) * upper, self.unit * (1.0 - 1e-6))
+
+    def proven(self, upper: float) -> float:
+        """What discarding everything above the cutoff proves: an accepted gap may hide a plan inside it."""
+        return self.cutoff(upper) if self.gap else upper
+
+
+class Search(NamedTuple):
+    """Result of a search: best open set [F] and cost, a lower bound, and whether the tree was exhausted."""
+
+    open: BoolArray
+    upper: float
+    lower: float
+    finished: bool
+
+
+class Node(NamedTuple):
+    """An open node; `serial` breaks ties before anything else is compared. Siblings share multipliers and pairs."""
+
+    bound: float
+    serial: int
+    multipliers: Array
+    core: Core
+    size: int
+
+
+@dataclass
+class Frontier:
+    """Open nodes, lowest bound first; depth first while they would not fit in memory."""
+
+    heap: list[Node] = field(default_factory=list)
+    stack: list[Node] = field(default_factory=list)
+    serial: int = 0
+    held: int = 0
+
+    def push(self, bound: float, multipliers: Array, core: Core, shared: int) -> None:
+        """Add a node; `shared` bytes are held by it and its sibling together."""
+        node = Node(bound, self.serial, multipliers, core, core.state.nbytes + shared // 2)
+        self.serial += 1
+        self.held += node.size
+        if self.held > _MEMORY:
+            self.stack.append(node)
+        else:
+            heapq.heappush(self.heap, node)
+
+    def pop(self) -> Node:
+        """Remove the node to look at next."""
+        node = self.stack.pop() if self.stack else heapq.heappop(self.heap)
+        self.held -= node.size
+        return node
+
+    def lowest(self, otherwise: float) -> float:
+        """The lowest bound of all open nodes."""
+        return min([otherwise, *(node.bound for node in self.stack), *(node.bound for node in self.heap[:1])])
+
+    def __bool__(self) -> bool:
+        return bool(self.stack or self.heap)
+
+
+class Incumbent(NamedTuple):
+    """The best plan so far: open set [F] in the root core's indices, and its cost."""
+
+    open: BoolArray
+    upper: float
+
+    def or_better(self, root: Core, node: Core, opened: BoolArray) -> Incumbent:
+        """The cheaper of this plan and an open set in a node's indices."""
+        trial = np.zeros_like(self.open)
+        trial[np.searchsorted(root.origin, node.origin[opened])] = True
+        cost = float(open_cost(root.pairs, trial))
+        return Incumbent(trial, cost) if cost < self.upper else self
+
+
+def branch_and_bound(
+    root: Core, bound: Bound, opened: BoolArray, upper: float, target: Target, deadline: float
+) -> Search:
+    """Search a core for a plan better than `upper`, until proven or until the deadline.
+
+    Args:
+        root: what is left to decide.
+        bound: its bound.
+        opened: [F] the known plan, in the core's indices.
+        upper: its cost.
+        target: when a bound is good enough.
+        deadline: of `time.perf_counter`.
+    """
+    best = Incumbent(opened, upper)
+    frontier = Frontier()
+    frontier.push(bound.value, bound.multipliers, root, 0)
+    nodes = 0
+    while frontier:
+        if time.perf_counter() > deadline:
+            return Search(best.open, best.upper, frontier.lowest(target.proven(best.upper)), False)
+        node = frontier.pop()
+        cutoff = target.cutoff(best.upper)
+        if node.bound >= cutoff:
+            continue
+        found = raise_bound(node.core.pairs, node.core.state, node.multipliers, cutoff, _ITERATIONS)
+        if nodes < _ROUNDED_NODES or nodes % 10 == 0:
+            best = best.or_better(root, node.core, _rounded(node.core, found))
+        nodes += 1
+        cutoff = target.cutoff(best.upper)
+        if max(node.bound, found.value) < cutoff:
+            best = _split(root, node, found, cutoff, frontier, best)
+    return Search(
+        best.open, best.upper, max(bound.value, target.cutoff(best.upper)) if target.gap else best.upper, True
+    )
+
+
+def _rounded(core: Core, found: Bound) -> BoolArray:
+    trial = ((found.share > 0.5) & (core.state != CLOSED)) | (core.state == OPEN)
+    return descend(core.pairs, columns_of(core.pairs), trial, found.share > 0.005)
+
+
+def _split(root: Core, node: Node, found: Bound, cutoff: float, frontier: Frontier, best: Incumbent) -> Incumbent:
+    """Push the children of a node; a node without free facilities is a plan."""
+    gap = cutoff - found.value
+    core = node.core._replace(state=fix(node.core.state, found, gap))
+    shared = found.multipliers.nbytes
+    if len(core.pairs.cost) > _WORTH_SHRINKING:
+        smaller, seen = shrink(core, found, gap, np.zeros(core.pairs.facilities, dtype=bool))
+        if len(smaller.pairs.cost) < 0.6 * len(core.pairs.cost):
+            core, found, shared = smaller, seen, shared + 12 * len(smaller.pairs.cost)
+    free = np.flatnonzero(core.state == FREE)
+    if not free.size:
+        return best.or_better(root, core, core.state == OPEN)
+    chosen = _branching(free, found)
+    for side in (OPEN, CLOSED):
+        state = core.state.copy()
+        state[chosen] = side
+        implied = max(node.bound, found.value + max(0.0, float(found.reduced[chosen]) * side))
+        if implied < cutoff:
+            frontier.push(implied, found.multipliers, core._replace(state=state), shared)
+    return best
+
+
+def _branching(free: IntArray, found: Bound) -> int:
+    """The free facility that the relaxation is least sure about."""
+    return int(free[np.abs(found.share[free] - 0.5).argmin()])

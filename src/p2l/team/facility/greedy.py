@@ -1,0 +1,92 @@
+"""The greedy O(log n) algorithm of section 3.4: always the star that serves its new demands most cheaply.
+
+A star is a facility and some unserved demands; its price is (opening + service) / demands, and opening is paid once.
+Leaving a demand outside is a star of one. With n demands the cost is at most H_n = 1 + 1/2 + … + 1/n times the optimum,
+since the prices paid, divided by H_n, are a feasible dual; raised by dual ascent they give the bound that is reported.
+
+Source: Hochbaum, "Heuristics for the fixed cost median problem" (1982); thesis, section 3.4.
+"""
+# mypy: disable-error-code="no-untyped-def"
+
+from __future__ import annotations
+
+import heapq
+
+import numba as nb
+import numpy as np
+
+from p2l.records import Array, BoolArray
+from p2l.team.facility.dual_ascent import dual_ascent
+from p2l.team.facility.local_search import Columns, columns_of
+from p2l.team.facility.pairs import Pairs
+
+
+def guarantee(demands: int) -> float:
+    """H_n, the factor within which `greedy` stays of the optimum."""
+    return float((1.0 / np.arange(1, demands + 1)).sum())
+
+
+def greedy(pairs: Pairs) -> tuple[BoolArray, Array]:
+    """The open set [F] of the greedy algorithm and multipliers [D] whose sum is a lower bound."""
+    columns = _by_cost(columns_of(pairs))
+    opening = pairs.opening.copy()
+    unserved = np.ones(pairs.demands, dtype=np.bool_)
+    price = pairs.outside.copy()
+    outside_first = np.argsort(pairs.outside, kind="stable")
+    heap = [(_star(columns, opening[j], unserved, j)[0], j) for j in range(pairs.facilities)]
+    heapq.heapify(heap)
+    for i in outside_first:
+        _serve_cheaper_stars(heap, columns, opening, unserved, price, float(pairs.outside[i]))
+        unserved[i] = False  # served by a star just now, or cheapest outside: its price is b_i already
+    opened = opening < 0.0
+    multipliers, _ = dual_ascent(pairs, price / guarantee(pairs.demands))
+    return opened, multipliers
+
+
+def _serve_cheaper_stars(
+    heap: list[tuple[float, int]], columns: Columns, opening: Array, unserved: BoolArray, price: Array, limit: float
+) -> None:
+    """Serve stars below the price `limit`, cheapest first. A key is a lower bound: prices only rise as demands go."""
+    while heap and heap[0][0] < limit:
+        _, j = heapq.heappop(heap)
+        cost, size = _star(columns, max(0.0, opening[j]), unserved, j)
+        if size == 0:
+            continue
+        if cost <= (heap[0][0] if heap else np.inf) and cost < limit:
+            _serve(columns, unserved, price, j, size, cost)
+            opening[j] = -1.0  # open: later stars of j pay service only
+            cost, size = _star(columns, 0.0, unserved, j)
+        if size:
+            heapq.heappush(heap, (cost, j))
+
+
+@nb.njit(cache=True)
+def _star(columns, opening, unserved, j):
+    """Price and size of facility j's cheapest star among the unserved demands; its column is sorted by cost."""
+    total, size, best, best_size = opening, 0, np.inf, 0
+    for p in range(columns.start[j], columns.start[j + 1]):
+        if not unserved[columns.demand[p]]:
+            continue
+        if columns.cost[p] >= best:
+            break
+        total += columns.cost[p]
+        size += 1
+        if total / size < best:
+            best, best_size = total / size, size
+    return best, best_size
+
+
+@nb.njit(cache=True)
+def _serve(columns, unserved, price, j, size, cost):
+    for p in range(columns.start[j], columns.start[j + 1]):
+        i = columns.demand[p]
+        if size > 0 and unserved[i]:
+            unserved[i] = False
+            price[i] = cost
+            size -= 1
+
+
+def _by_cost(columns: Columns) -> Columns:
+    column = np.repeat(np.arange(len(columns.start) - 1), np.diff(columns.start))
+    order = np.lexsort((columns.cost, column))
+    return Columns(columns.start, columns.demand[order], columns.cost[order])

@@ -1,0 +1,161 @@
+"""The volume algorithm: a Lagrangian bound close to the linear relaxation, and a fractional opening to round.
+
+Relaxing "every demand is served once" with prices v leaves L(v) = Σ_i v_i + Σ_j min(0, f_j - Σ_i (v_i - c_ij)⁺),
+v_i <= b_i. Rows are sorted by cost, so an evaluation reads only the pairs with c_ij < v_i. The averaged subproblem
+solutions estimate the relaxation's primal; only their residual per demand and their opening per facility are kept.
+
+Source: Barahona and Chudak, "Near-optimal solutions to large-scale facility location problems" (2005).
+"""
+# mypy: disable-error-code="no-untyped-def"
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numba as nb
+import numpy as np
+import numpy.typing as npt
+
+from p2l.records import Array
+from p2l.team.facility.pairs import Pairs
+
+State = npt.NDArray[np.int8]
+FREE, OPEN, CLOSED = 0, 1, -1
+_FIRST_STEP = 0.1
+_CHECK = 100  # iterations between two looks at the progress
+
+
+class Bound(NamedTuple):
+    """A Lagrangian bound.
+
+    Attributes:
+        multipliers: [D] v.
+        value: L(v).
+        reduced: [F] f_j - Σ_i (v_i - c_ij)⁺.
+        share: [F] estimate of each facility's opening in the linear relaxation.
+    """
+
+    multipliers: Array
+    value: float
+    reduced: Array
+    share: Array
+
+
+def raise_bound(
+    pairs: Pairs, state: State, multipliers: Array, upper: float, iterations: int, progress: float = 1e-4
+) -> Bound:
+    """Improve multipliers [D] by volume iterations.
+
+    Args:
+        pairs: the instance.
+        state: [F] FREE, OPEN or CLOSED.
+        multipliers: [D] where to begin, each at most the outside cost.
+        upper: cost of a known plan; a bound that reaches it ends the search.
+        iterations: at most this many.
+        progress: stop when 100 iterations close less than this share of the gap.
+    """
+    return Bound(*_ascend(pairs, state, multipliers, upper, _FIRST_STEP, iterations, progress))
+
+
+def bound_of(pairs: Pairs, state: State, multipliers: Array) -> float:
+    """L(v) of the instance at the given multipliers [D]."""
+    scratch = np.empty(pairs.facilities), np.empty(pairs.demands)
+    return float(_evaluate(pairs, state, np.minimum(multipliers, pairs.outside), *scratch))
+
+
+@nb.njit(cache=True)
+def _taken(state, reduced, j):
+    return state[j] == OPEN or (state[j] == FREE and reduced[j] < 0.0)
+
+
+@nb.njit(cache=True)
+def _evaluate(pairs, state, v, reduced, residual):
+    """L(v); fills the reduced costs [F] and the subgradient [D]: 1 - how often each demand is served."""
+    start, facility, cost = pairs.start, pairs.facility, pairs.cost
+    reduced[:] = pairs.opening
+    total = 0.0
+    for i in range(v.size):
+        total += v[i]
+        for z in range(start[i], start[i + 1]):
+            if cost[z] >= v[i]:
+                break
+            reduced[facility[z]] -= v[i] - cost[z]
+    for j in range(reduced.size):
+        if _taken(state, reduced, j):
+            total += reduced[j]
+    for i in range(v.size):
+        residual[i] = 1.0
+        for z in range(start[i], start[i + 1]):
+            if cost[z] >= v[i]:
+                break
+            if _taken(state, reduced, facility[z]):
+                residual[i] -= 1.0
+    return total
+
+
+@nb.njit(cache=True)
+def _move(outside, centre, mean, step, distance, trial):
+    """Step from the centre along the averaged residual, cut at the outside costs; False when there is no direction."""
+    norm = 0.0
+    for i in range(centre.size):
+        if mean[i] < 0.0 or centre[i] < outside[i]:
+            norm += mean[i] * mean[i]
+    if norm < 1e-12:
+        return False
+    length = step * distance / norm
+    for i in range(centre.size):
+        trial[i] = min(outside[i], centre[i] + length * mean[i])
+    return True
+
+
+@nb.njit(cache=True)
+def _average(state, reduced, residual, mean, share, weight):
+    """Mix the newest subproblem solution into the averages; returns its alignment with the old direction."""
+    along, cross, own = 0.0, 0.0, 0.0
+    for i in range(mean.size):
+        along += residual[i] * mean[i]
+        difference = residual[i] - mean[i]
+        cross -= difference * mean[i]
+        own += difference * difference
+    mix = weight if own == 0.0 else min(weight, max(0.1 * weight, cross / own))
+    for i in range(mean.size):
+        mean[i] += mix * (residual[i] - mean[i])
+    for j in range(share.size):
+        share[j] += mix * ((1.0 if _taken(state, reduced, j) else 0.0) - share[j])
+    return along
+
+
+@nb.njit(cache=True)
+def _ascend(pairs, state, v, upper, step, iterations, progress):
+    demands, facilities = v.size, pairs.opening.size
+    centre, trial = v.copy(), np.empty(demands)
+    best_reduced, reduced = np.empty(facilities), np.empty(facilities)
+    mean, residual = np.empty(demands), np.empty(demands)
+    value = _evaluate(pairs, state, centre, best_reduced, mean)
+    share = np.zeros(facilities)
+    for j in range(facilities):
+        share[j] = 1.0 if _taken(state, best_reduced, j) else 0.0
+    weight, idle, checked = 0.1, 0, value
+    aim = upper + max(0.05 * (upper - value), 1e-8 * abs(upper))  # steps that aim at a value never pass it
+    for t in range(iterations):
+        if value >= upper or not _move(pairs.outside, centre, mean, step, aim - value, trial):
+            break
+        found = _evaluate(pairs, state, trial, reduced, residual)
+        along = _average(state, reduced, residual, mean, share, weight)
+        if found > value:
+            value, idle = found, 0
+            centre[:] = trial
+            best_reduced[:] = reduced
+            if along >= 0.0:
+                step = min(2.0, step * 1.1)
+        else:
+            idle += 1
+            if idle == 20:
+                step, idle = step * 0.66, 0
+        if t % _CHECK == _CHECK - 1:
+            if value - checked < progress * (upper - value):
+                break
+            if value - checked < 0.01 * abs(value):
+                weight = max(0.01, weight * 0.7)
+            checked = value
+    return centre, value, best_reduced, share

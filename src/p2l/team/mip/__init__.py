@@ -1,0 +1,1 @@
+"""The thesis's programs in Pyomo, solved by HiGHS (thesis, equations 3.1 to 3.3)."""

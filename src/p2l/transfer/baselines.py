@@ -1,0 +1,51 @@
+"""What the predictor has to beat: a constant, and the nearest pairs that were tried.
+
+Each is fitted to the pairs whose two tasks were not held out, and predicts [K, M] like `TransferModel`.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from p2l.records import Array, IntArray, TransferData
+from p2l.transfer.fitting import Split
+from p2l.transfer.model import TransferModel
+
+_RIDGE = 0.5  # Jeffreys' prior: no certainty out of a handful of executions
+
+
+def constant(data: TransferData, split: Split, train: Array, test: Array) -> Array:
+    """The mean success rate of the fitted pairs, for every pair."""
+    rows, columns = _fitted(data, split)
+    return np.full((len(train), len(test)), data.rate[np.ix_(rows, columns)].mean())
+
+
+def nearest_neighbour(
+    data: TransferData, split: Split, model: TransferModel, train: Array, test: Array, neighbours: int = 5
+) -> Array:
+    """Mean success rate of the nearest fitted pairs, in the encoded and standardised space of pairs.
+
+    The rate has Jeffreys' half success and half failure added, else its logarithmic loss is infinite.
+    """
+    rows, columns = _fitted(data, split)
+    known = _encode(model, data.features[data.train_task[rows]], data.features[columns])
+    wanted = _encode(model, train, test)
+    successes = data.successes[np.ix_(rows, columns)].ravel()
+    count = min(neighbours, len(known))
+    _, index = cKDTree(known).query(wanted, k=np.arange(1, count + 1))
+    rate = (successes[index].sum(axis=1) + _RIDGE) / (count * data.draws + 2 * _RIDGE)
+    return np.asarray(rate.reshape(len(train), len(test)))
+
+
+def _fitted(data: TransferData, split: Split) -> tuple[IntArray, IntArray]:
+    seen = ~split.held_out
+    return np.flatnonzero(seen[data.train_task]), np.flatnonzero(seen)
+
+
+def _encode(model: TransferModel, train: Array, test: Array) -> Array:
+    """Pairs [K · M, D] as the network sees them."""
+    k, m = len(train), len(test)
+    first = np.repeat(model.standardise(train), m, axis=0)
+    second = np.tile(model.standardise(test), (k, 1))
+    return first - second if model.encoding == "difference" else np.hstack([first, second])

@@ -1,0 +1,239 @@
+"""robosuite's single bread task: out of one bin and into the bread's quarter of another (thesis, section 5.4.1).
+
+The hand is wider than the fingers, so where the bread lies close to a wall it meets the wall's edge before the fingers
+hold the bread; the nominal skills know nothing of walls.
+
+Deviations from robosuite's task and the thesis, each where the thesis is silent or cannot be kept:
+1. `y_m` is wider than robosuite's own ±0.165 m (whose sampler keeps 7.5 cm from the walls): the thesis tells only that
+   the bread "is initialized in a different location in the source bin in every episode", and the width is calibrated to
+   its 70 % of nominal success.
+2. The other three objects of robosuite's scene, which it moves out of sight, are left out.
+
+Axis letters: N rows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import product
+
+import numpy as np
+import numpy.typing as npt
+from robosuite.models.arenas import BinsArena
+from robosuite.models.objects import BreadObject
+
+from p2l import poses
+from p2l.contracts.estimator import Estimator, Mode
+from p2l.contracts.world import NO_FAILURE, Command, Rows, View
+from p2l.errors import ConfigError
+from p2l.records import Array, BoolArray, IntArray
+from p2l.sim.batch import Chunk
+from p2l.sim.posture import reach
+from p2l.sim.scene import WRIST_FORCE, Parts, Physics, build
+from p2l.worlds.robot import RobotWorld
+
+BASE_POS_WORLD = (-0.5, -0.1, 0.0)  # robosuite's offset of the base for arenas with bins
+BIN1_POS_M = np.array([0.1, -0.25, 0.8])
+BIN2_POS_M = np.array([0.1, 0.28, 0.8])
+BIN_SIZE_M = np.array([0.39, 0.49])  # what robosuite calls the size of a bin in its task
+BIN_INNER_HALF_M = np.array([0.19, 0.24])  # between the walls
+QUARTER_M = BIN2_POS_M + np.array([BIN_SIZE_M[0] / 4, -BIN_SIZE_M[1] / 4, 0.0])  # centre of the bread's quarter
+LIFT_M = BIN1_POS_M[2] + 0.2  # where Pick lifts to
+FLOOR_M = 0.82  # height of a bin's floor; its walls end at 0.9
+REST_M = 0.8433  # height of the bread's centre when it lies there
+BREAD_RADIUS_M = 0.0313  # half of its diagonal, seen from above
+HAND_HALF_M = 0.102  # of the hand's long side
+GRIP_START_M = 0.020833  # robosuite's start position of each finger
+RELEASED_M = float(np.arctanh(0.4) / 10.0)  # robosuite: 1 − tanh(10 · distance) < 0.6 between grip site and object
+EMPTY_GAP_M = 0.01  # closed fingers that hold nothing
+LIFTED_M = 0.03  # the hand has risen by so much since it closed
+# At the Panda's start posture robosuite's OSC (kp 150, shaped by the inertia, in which the motors' armatures count) is
+# as stiff as 1800–6300 N/m and 140–2000 N·m/rad; the joints' damping keeps the elbow quiet at the far side of the bin.
+IMPEDANCE = {
+    "stiffness_linear": 3000.0,
+    "damping_linear": 500.0,
+    "stiffness_angular": 150.0,
+    "damping_angular": 25.0,
+    "joint_damping": 5.0,
+}
+DOWN = (0.0, 0.0, -1.0)
+KINDS = ("collision", "dropped")
+_CLOSED_AT, _FORCE = range(2)
+
+THESIS_FIELDS = (  # the 46 numbers of the thesis's observation: robosuite's proprioception and object state
+    "arm_cos",
+    "arm_sin",
+    "arm_vel_rad_s",
+    "grip_pos_m",
+    "grip_quat",
+    "finger_pos_m",
+    "finger_vel_m_s",
+    "object_pos_m",
+    "object_quat",
+    "object_in_grip_m",
+    "object_in_grip_quat",
+)
+
+
+class PickPlace(RobotWorld):
+    """The bread task; every parameter is a plain value of its YAML.
+
+    Args:
+        arm: robosuite's name of the arm.
+        estimator: how the estimate of the bread's position errs; the thesis has none here.
+        sigma_m: its standard deviation in x, y and z, m.
+        x_m, y_m: ranges of the bread's place from the middle of its bin, m.
+        wall_clearance_m: the bread's centre stays at least so far from the walls, whatever the ranges, m.
+        yaw_rad: range of the bread's yaw, rad.
+        joint_noise_rad: standard deviation of each joint about robosuite's start posture, rad.
+        force_limit_n: wrist force above which a collision is flagged, N.
+        timestep_s: physics time step.
+        nthread: simulator threads.
+
+    Raises:
+        ConfigError: a range that is reversed or leads into a wall, or places that the arm does not reach.
+    """
+
+    failure_kinds = KINDS
+    memory_size = 2  # height of the hand when the fingers were told to close, m; whether the force is high
+    mode_fields = ("object_pos_m", "grip_pos_m - object_pos_m", "gap_m", "hand_room_m")
+    view = View(azimuth_deg=160.0, elevation_deg=-35.0, distance_m=1.3, lookat_m=(0.1, 0.0, 0.9))
+
+    def __init__(
+        self,
+        *,
+        arm: str = "Panda",
+        estimator: Mode = "exact",
+        sigma_m: float = 0.0,
+        x_m: Sequence[float] = (-0.115, 0.115),
+        y_m: Sequence[float] = (-0.196, 0.196),
+        wall_clearance_m: float = 0.04,
+        yaw_rad: Sequence[float] = (0.0, 2 * np.pi),
+        joint_noise_rad: float = 0.02,
+        force_limit_n: float = 50.0,
+        timestep_s: float = 0.005,
+        nthread: int = 2,
+    ) -> None:
+        params = {name: value for name, value in locals().items() if name not in ("self", "nthread", "__class__")}
+        self._low, self._high = _ranges(wall_clearance_m, x_m=x_m, y_m=y_m, yaw_rad=yaw_rad)
+        self._noise_rad, self.force_limit_n = joint_noise_rad, force_limit_n
+        arena, bread = BinsArena(bin1_pos=BIN1_POS_M), BreadObject(name="Bread")
+        arena.set_origin([0, 0, 0])
+        parts = Parts(arena, [bread], BASE_POS_WORLD, tracked={"object": bread.root_body})
+        scene = build(arm, parts, Physics(timestep_s=timestep_s, **IMPEDANCE))
+        super().__init__("pick_place", params, [scene], Estimator(estimator, (sigma_m,) * 3), nthread=nthread)
+        self._dofs = [int(scene.model.joint(joint).dofadr[0]) for joint in scene.arm_joints]
+        self._fingers_at = [joint for joint in self._columns if "finger_joint" in joint]
+        self._finger_dofs = [int(scene.model.joint(joint).dofadr[0]) for joint in self._fingers_at]
+        self._bread_at = self._columns[bread.joints[0]] - 1
+        self._check_reach()
+        self.observe_hand_as([0.0, 1.0, 1.0, 0.0])  # fingers down, as the Panda's joints put it
+
+    def sample(self, rng: np.random.Generator, n: int) -> Rows:
+        """N breads at rest anywhere in their bin, the arm near its start posture, fingers half open."""
+        qpos = np.zeros((n, self.engine.nq))
+        arm = self.scenes[0].home + self._noise_rad * rng.standard_normal((n, len(self._arm)))
+        qpos[:, [column - 1 for column in self._arm]] = arm
+        for joint in self._fingers_at:
+            qpos[:, self._columns[joint] - 1] = GRIP_START_M if joint.endswith("1") else -GRIP_START_M
+        at = self._bread_at
+        place = rng.uniform(self._low, self._high, (n, 3))
+        qpos[:, at : at + 2] = BIN1_POS_M[:2] + place[:, :2]
+        qpos[:, at + 2] = REST_M
+        qpos[:, at + 3 : at + 7] = poses.quat(poses.about([0.0, 0.0, 1.0], place[:, 2]))
+        return self.rows(qpos, self.estimator.draw(rng, n))
+
+    def _truth(self, rows: Rows) -> Mapping[str, npt.NDArray[np.generic]]:
+        body = self._body(rows)
+        pos = self.read(rows, "object_pos")
+        return body | {
+            "object_pos_m": pos,
+            "object_quat": self.read(rows, "object_quat"),
+            "object_in_grip_m": poses.rotate(poses.rotation(body["grip_quat"]).inv(), pos - body["grip_pos_m"]),
+            "hand_room_m": hand_room(pos, np.asarray(body["grip_quat"])),
+            "force_n": np.linalg.norm(self.read(rows, WRIST_FORCE), axis=1),
+        }
+
+    def _seen(self, rows: Rows, error: Array) -> Mapping[str, npt.NDArray[np.generic]]:
+        body = self._body(rows)
+        arm, pos = self.arm(rows), self.read(rows, "object_pos") + error
+        velocity = self.engine.qvel(rows.states)
+        hand = poses.rotation(body["grip_quat"]).inv()
+        return body | {
+            "arm_cos": np.cos(arm),
+            "arm_sin": np.sin(arm),
+            "arm_vel_rad_s": velocity[:, self._dofs],
+            "finger_pos_m": np.stack([self.joint(rows, joint) for joint in self._fingers_at], axis=1),
+            "finger_vel_m_s": velocity[:, self._finger_dofs],
+            "object_pos_m": pos,
+            "object_quat": self.read(rows, "object_quat"),
+            "object_in_grip_m": poses.rotate(hand, pos - body["grip_pos_m"]),
+            "object_in_grip_quat": poses.quat(hand * poses.rotation(self.read(rows, "object_quat"))),
+            "force_high": rows.memory[:, _FORCE],
+            "actions": rows.actions,
+        }
+
+    def _body(self, rows: Rows) -> dict[str, Array]:
+        return {
+            "grip_pos_m": self.read(rows, "grip_pos"),
+            "grip_quat": self.read(rows, "grip_quat"),
+            "gap_m": self.gap_m(rows),
+        }
+
+    def monitor(self, before: Rows, after: Rows, chunk: Chunk, command: Command) -> tuple[IntArray, Array]:
+        """A collision: wrist force above its limit. A dropped bread: a closed hand that has risen, and is empty."""
+        height = self.read(after, "grip_pos")[:, 2]
+        closed = command.grip > 0.5
+        closed_at = np.where(closed & (before.grip > 0.5), before.memory[:, _CLOSED_AT], height)
+        high = self.peak_force_n(chunk, WRIST_FORCE) > self.force_limit_n
+        empty = closed & (height - closed_at > LIFTED_M) & (self.gap_m(after) <= EMPTY_GAP_M)
+        kind = np.full(len(after), NO_FAILURE, dtype=np.int64)
+        kind[empty] = KINDS.index("dropped")
+        kind[high] = KINDS.index("collision")
+        return kind, np.stack([closed_at, high], axis=1).astype(np.float64)
+
+    def goal(self, rows: Rows) -> BoolArray:
+        """The test of robosuite: the bread in its quarter and low, and the hand away from it."""
+        pos = self.read(rows, "object_pos")
+        low = BIN2_POS_M - np.array([0.0, BIN_SIZE_M[1] / 2, 0.0])
+        high = BIN2_POS_M + np.array([BIN_SIZE_M[0] / 2, 0.0, 0.1])
+        away = np.linalg.norm(pos - self.read(rows, "grip_pos"), axis=1) > RELEASED_M
+        return np.asarray(((low < pos) & (pos < high)).all(axis=1) & away)
+
+    def _check_reach(self) -> None:
+        sides = zip(self._low[:2], self._high[:2], strict=True)
+        corners = [np.array([*(BIN1_POS_M[:2] + corner), LIFT_M]) for corner in product(*sides)]
+        down = poses.frame(np.array([[0.0, 1.0, 0.0]]), np.array([DOWN]))[0]
+        places = [*corners, QUARTER_M + [0.0, 0.0, 0.2]]
+        scene = self.scenes[0]
+        if far := [place for place in places if reach(scene, place, down, starts=[scene.home]) is None]:
+            named = "; ".join(", ".join(f"{value:.3f}" for value in place) for place in far)
+            raise ConfigError(
+                f"pick_place: the arm has no posture with the hand facing down at {named} (world, m); "
+                "narrow x_m and y_m or choose another arm"
+            )
+
+
+def hand_room(object_pos: Array, grip_quat: Array) -> Array:
+    """[N] m between the hand, lowered over the object as it is turned, and the closest wall across its long side.
+
+    Args:
+        object_pos: [N, 3] world frame, m.
+        grip_quat: [N, 4] of the grip site.
+    """
+    along = np.abs(poses.rotate(poses.rotation(grip_quat), [1.0, 0.0, 0.0])[:, :2])
+    free = BIN_INNER_HALF_M - np.abs(object_pos[:, :2] - BIN1_POS_M[:2])
+    return np.asarray(np.where(along[:, 0] > along[:, 1], free[:, 0], free[:, 1]) - HAND_HALF_M)
+
+
+def _ranges(clearance_m: float, **given: Sequence[float]) -> tuple[Array, Array]:
+    if not BREAD_RADIUS_M <= clearance_m <= BIN_INNER_HALF_M.min():
+        allowed = f"[{BREAD_RADIUS_M}, {BIN_INNER_HALF_M.min()}]"
+        raise ConfigError(f"pick_place: wall_clearance_m must lie in {allowed}, got {clearance_m}")
+    room = dict(zip(("x_m", "y_m"), (BIN_INNER_HALF_M - clearance_m).tolist(), strict=True))
+    for name, pair in given.items():
+        if len(pair) != 2 or not np.isfinite(pair).all() or pair[0] > pair[1]:
+            raise ConfigError(f"pick_place: {name} must be [low, high] with low ≤ high, got {list(pair)}")
+    cut = {name: np.clip(pair, -room.get(name, np.inf), room.get(name, np.inf)) for name, pair in given.items()}
+    low, high = np.array(list(cut.values()), dtype=np.float64).T
+    return low, high

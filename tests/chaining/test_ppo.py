@@ -1,0 +1,202 @@
+"""Laws of learning on the pool: time, cut trajectories, exported policies, resuming."""
+
+import numpy as np
+import pytest
+import torch
+from numpy.testing import assert_allclose, assert_array_equal
+from stable_baselines3.common.callbacks import BaseCallback
+
+from p2l.chaining.checkpoint import FILE, load_checkpoint
+from p2l.chaining.execute import Recovered
+from p2l.chaining.learner import Task
+from p2l.chaining.learners.table import make_learner
+from p2l.chaining.mdp import Limits
+from p2l.chaining.policy import check_policy, load_policy
+from p2l.chaining.ppo import PoolPPO, PPOSettings
+from p2l.chaining.train import TrainSettings, card_of, split, train
+from p2l.chaining.weights import exported, restore, tensors
+from p2l.errors import ArtifactError, ConfigError
+
+SMALL = PPOSettings(n_steps=24, batch_size=12, n_epochs=2, hidden=(8, 8))
+
+
+def made(task, seed=0, **limits):
+    learner = make_learner("rc", task, Limits(**limits))
+    pool = learner.pool(task, np.random.default_rng(seed), 8)
+    return PoolPPO(pool, SMALL, card_of(task, learner, "rc", "hash").normalisation, seed)
+
+
+class Keep(BaseCallback):
+    """What the buffer holds after each rollout, and the decisions that it was filled with."""
+
+    def __init__(self):
+        super().__init__()
+        self.rounds = []
+
+    def _on_step(self):
+        return True
+
+    def _on_rollout_end(self):
+        self.rounds.append((self.locals["taken"], self.model.rollout_buffer))
+        taken, buffer = self.rounds[-1]
+        with torch.no_grad():
+            after = self.model.policy.predict_values(torch.tensor(taken.after, dtype=torch.float32))[:, 0].numpy()
+        assert_allclose(buffer.rewards[:, 0], taken.reward + taken.open_end * 0.99 * after, atol=1e-6)
+        assert_array_equal(buffer.episode_starts[:, 0], taken.head)
+        # A trajectory of one decision: its advantage is its reward minus its value, by hand.
+        alone = taken.head & np.append(taken.head[1:], True)
+        assert_allclose(buffer.advantages[alone, 0], (buffer.rewards - buffer.values)[alone, 0], atol=1e-6)
+
+
+def test_the_buffer_holds_trajectories_and_time_is_simulated_control_steps(task):
+    model, keep = made(task), Keep()
+    model.learn(600, callback=keep)
+    assert model.num_timesteps == model.pool.control_steps >= 600
+    assert len(keep.rounds) >= 2
+    assert any(taken.open_end.any() for taken, _ in keep.rounds)
+
+
+def test_a_run_is_decided_by_its_seed(task):
+    first, second = made(task, 3).learn(300), made(task, 3).learn(300)
+    for one, other in zip(first.policy.parameters(), second.policy.parameters(), strict=True):
+        assert torch.equal(one, other)
+
+
+def test_an_exported_policy_does_what_sb3_does_and_is_refused_elsewhere(task, tmp_path):
+    learner = make_learner("rc", task, Limits(history=2))
+    card = card_of(task, learner, "rc", "hash")
+    train(
+        task,
+        learner,
+        task.failures.take(range(4)),
+        TrainSettings(600, 8, 300, 4, SMALL),
+        card,
+        tmp_path,
+        lambda *_: None,
+    )
+    policy = load_policy(tmp_path)
+    model = made(task, history=2)
+    observation = np.random.default_rng(0).normal(size=(200, len(card.columns)))
+    mine = exported(model, card)
+    theirs = model.predict(observation.astype(np.float32), deterministic=True)[0]
+    logits = mine.logits(observation).detach().numpy()
+    best, chosen = logits.max(axis=1), logits[np.arange(len(theirs)), theirs]
+    assert (best - chosen <= 1e-3 * np.abs(logits).max()).all()  # but for ties: a policy is kept in half precision
+    assert len(np.unique(mine.act(observation))) > 1
+
+    known = {"world": "push", "digest": card.digest, "columns": card.columns, "actions": card.actions}
+    check_policy(policy, tmp_path, **known)
+    for wrong, message in (
+        ({"world": "door"}, "a policy for world 'push'; this is 'door'"),
+        ({"actions": card.actions[:-1]}, r"14 actions \(from push\); this world has 13"),
+        ({"columns": card.columns[1:]}, r"columns \(grip_pos_m\[0\]\)"),
+        ({"digest": "other"}, "other parameters or code"),
+    ):
+        with pytest.raises(ArtifactError, match=message):
+            check_policy(policy, tmp_path, **(known | wrong))
+    check_policy(policy, tmp_path, **(known | {"digest": "other"}), transfer=True)
+
+
+def test_the_policy_of_the_best_evaluation_is_kept_the_later_of_equals(task, tmp_path, monkeypatch):
+    learner = make_learner("rc", task, Limits())
+    card = card_of(task, learner, "rc", "hash")
+    seen, scripted = [], iter([0.25, 0.5, 0.5, *[0.25] * 20])
+
+    def watched(model, card):
+        seen.append(exported(model, card))
+        return seen[-1]
+
+    def judged(*given):
+        count, share = len(given[3]), next(scripted)
+        return Recovered(np.arange(count) < share * count, np.zeros((count, 1), dtype=int), np.ones(count, dtype=int))
+
+    monkeypatch.setattr("p2l.chaining.train.exported", watched)
+    monkeypatch.setattr("p2l.chaining.train.recover", judged)
+    settings = TrainSettings(1500, 8, 200, 4, SMALL)
+    done = train(task, learner, task.failures.take(range(4)), settings, card, tmp_path, _silent)
+    assert [row["success"] for row in done.evaluations][:4] == [0.25, 0.5, 0.5, 0.25]
+    kept = load_policy(tmp_path)
+    assert all(torch.equal(weight, kept.weights[name]) for name, weight in seen[2].weights.items())
+    assert not all(torch.equal(weight, kept.weights[name]) for name, weight in seen[1].weights.items())
+    assert kept.card.told["evaluation_success"] == done.best == 0.5
+
+
+def test_a_checkpoint_brings_back_weights_and_optimiser_to_the_bit(task, tmp_path):
+    learner = make_learner("lazy_rc", task, Limits(), {"outcomes": 4, "of_either_kind": 2})
+    card = card_of(task, learner, "lazy_rc", "hash")
+    train(task, learner, task.failures.take(range(4)), TrainSettings(600, 8, 300, 4, SMALL), card, tmp_path, _silent)
+    left = load_checkpoint(tmp_path, card)
+    fresh = make_learner("lazy_rc", task, Limits(), {"outcomes": 4, "of_either_kind": 2})
+    pool = fresh.pool(task, np.random.default_rng(5), 8)
+    model = PoolPPO(pool, SMALL, card.normalisation, 5, fresh.shortcut)
+    before = tensors(model)
+    restore(model, left)
+    after = tensors(model)
+    assert set(after) == set(left.tensors) > set(before)
+    assert {name.split(".")[0] for name in after} == {"policy", "adam", "shortcut"}
+    for name, value in left.tensors.items():
+        assert torch.equal(after[name], value), name
+    assert any(not torch.equal(value, after[name]) for name, value in before.items())
+    assert model.num_timesteps == left.control_steps
+
+
+def _silent(kind, row):
+    """Nobody listens."""
+
+
+def test_a_killed_run_resumes_and_another_configuration_is_refused(task, tmp_path):
+    learner = make_learner("rc", task, Limits())
+    card = card_of(task, learner, "rc", "hash")
+    apart = task.failures.take(range(4))
+
+    def killed(kind, row):
+        if kind == "evaluation" and row["control_steps"] > 0:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        train(task, learner, apart, TrainSettings(2000, 8, 300, 4, SMALL), card, tmp_path, killed)
+    left = load_checkpoint(tmp_path, card)
+    assert 300 <= left.control_steps < 2000
+    rows = []
+    done = train(
+        task, learner, apart, TrainSettings(2000, 8, 300, 4, SMALL), card, tmp_path, lambda *row: rows.append(row)
+    )
+    assert [row["round"] for row in done.rounds] == list(range(len(done.rounds)))
+    assert done.control_steps >= 2000
+    times = [row["control_steps"] for row in done.rounds]
+    assert times == sorted(times)
+    assert rows[0] == ("resumed", {"control_steps": left.control_steps})
+    assert rows[1][1]["control_steps"] > left.control_steps, "it goes on, it does not start over"
+    with pytest.raises(ArtifactError, match=f"{FILE}: left by a run with another configuration"):
+        load_checkpoint(tmp_path, card_of(task, learner, "rc", "other"))
+
+
+def test_bad_input_is_refused_before_anything_is_simulated(task, failures):
+    with pytest.raises(ConfigError, match=r"no failures of world 'push'.*stages\.discover"):
+        Task(task.world, task.nominal, failures.take(np.zeros(len(failures), dtype=bool)), 0)
+    with pytest.raises(
+        ConfigError, match="less than one round of 120 decisions of 10 control steps; give at least 1200"
+    ):
+        TrainSettings(budget=1199)
+    with pytest.raises(ConfigError, match="unknown learner 'sac'; known: lazy_rc, pp, rc, rl"):
+        make_learner("sac", task, Limits())
+    for name, params, message in (
+        ("lazy_rc", {"audit": 0.0}, "lazy_rc: audit must be a number above 0 and at most 1, got 0.0"),
+        ("lazy_rc", {"precision": "high"}, "lazy_rc: precision must be a number above 0 and below 1, got 'high'"),
+        ("lazy_rc", {"of_either_kind": 1}, "lazy_rc: of_either_kind must be an integer of at least 2, got 1"),
+        ("lazy_rc", {"outcomes": 2.5}, "lazy_rc: outcomes must be an integer of at least 1, got 2.5"),
+        ("pp", {"every": 0}, "pp: every must be an integer of at least 1, got 0"),
+        ("pp", {"threshold": 1.0}, "pp: threshold must be a number above 0 and below 1, got 1.0"),
+    ):
+        with pytest.raises(ConfigError, match=message):
+            make_learner(name, task, Limits(), params)
+    with pytest.raises(ConfigError, match=r"learner 'pp': unknown parameters \['trees'\]; allowed: trajectories"):
+        make_learner("pp", task, Limits(), {"trees": 3})
+
+
+def test_failures_are_set_apart_only_where_there_are_enough(failures):
+    many = failures.take(np.arange(50) % len(failures))
+    parts = split(many, 10, 0, "push")
+    assert (len(parts.learnt), len(parts.apart)) == (40, 10)
+    few = split(many.take(np.arange(12)), 10, 0, "push")
+    assert (len(few.learnt), len(few.apart)) == (12, 10)

@@ -1,0 +1,62 @@
+"""Trained recoveries on the small push world: what a skill does at a failure that REPS solved, and modes too small."""
+
+import numpy as np
+import pytest
+
+from p2l.artifacts import load_arrays, save_arrays
+from p2l.errors import ArtifactError
+from p2l.metareskill.ledger import Entry, Ledger
+from p2l.metareskill.query import QueryOptions
+from p2l.metareskill.regression import ParameterisedSkill
+from p2l.metareskill.train import Members, Trainer
+from p2l.skills.execute import known_exactly
+from p2l.skills.relative import SIZE
+from tests.metareskill import pushing_back as pb
+
+PUSH = 1
+OPTIONS = QueryOptions(updates=2, rollouts=8, solved=0.3, timing=pb.TIMING)
+
+
+def entry(failure, parameters, q):
+    return Entry(failure, True, parameters, np.array([1.0]), 8, q, 1, 0.0)
+
+
+@pytest.fixture(scope="module")
+def task():
+    return pb.setting(estimator="exact")[1]
+
+
+def trainer(task, failures, held_out, residual=True):
+    rows = pb.standing(task.world, np.linspace(0.10, 0.16, len(failures)), 0.08)
+    tests = pb.standing(task.world, 0.13, np.full(len(held_out), 0.08))
+    given = Members(rows, np.array(failures)), Members(tests, np.array(held_out))
+    return Trainer(task, *given, OPTIONS, 0, Ledger(""), residual=residual)
+
+
+@pytest.mark.parametrize("residual", [True, False])
+def test_at_a_solved_failure_a_skill_does_what_reps_found_there_also_after_storage(task, residual, tmp_path):
+    made, found = trainer(task, [0, 0, 0], [0], residual), np.random.default_rng(1).normal(size=(2, SIZE))
+    made.ledger.entries.update({(0, PUSH, n): entry(n, found[n], q=0.1 * n) for n in range(2)})
+    skill = made.skill(0, PUSH, trained=2)
+    save_arrays(tmp_path / "skill.npz", skill.arrays(), schema="recovery", version=1)
+    back = ParameterisedSkill.from_arrays(load_arrays(tmp_path / "skill.npz", schema="recovery", version=1))
+    seen = task.world.observe(known_exactly(made.failures.rows))
+    for each in (skill, back):
+        assert each.residual is residual
+        np.testing.assert_allclose(task.recovery(each, PUSH, seen)[:2], found, atol=1e-12)
+    added = task.recovery(skill, PUSH, seen)[2] - skill.predict(task.symbols.state(seen)[2:, [0, 1]])[0]
+    np.testing.assert_allclose(added, task.straight(seen, PUSH)[2] if residual else 0.0, atol=1e-12)
+
+
+def test_a_mode_of_one_failure_is_trained_from_it_again_and_again(task):
+    made = trainer(task, [0, 1, 0], [0, 1])
+    told = [made(1, PUSH, before) for before in range(3)]
+    assert [each.failure for each in made.ledger.of(1, PUSH, 3)] == [1, 1, 1]
+    assert all(0.0 <= each.q <= 1.0 and each.trials == 1 for each in told)
+    assert any(each.solved for each in told)
+    assert np.isfinite(task.recovery(made.skill(1, PUSH, 3), PUSH, task.world.observe(made.held_out.rows))).all()
+
+
+def test_a_mode_without_held_out_failures_cannot_be_measured(task):
+    with pytest.raises(ArtifactError, match="mode 1 has no held-out failure"):
+        trainer(task, [0, 1], [0]).tests(1)
