@@ -27,7 +27,7 @@ $(STAMP): requirements.lock
 	rm -f $(VENV)/.installed-*
 	$(BIN)/python -m pip install --quiet -r requirements.lock
 	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation -e .
-	$(BIN)/python -c 'from p2l.team.facility.solve import load_kernels; load_kernels()' # compiled once, kept beside the sources
+	$(BIN)/python -c 'from p2l.team.facility import load_kernels; load_kernels()' # compiled once, kept beside the sources
 	touch $@
 
 repro: $(STAMP) ## run the whole pipeline (preset of conf/pipeline.yaml); only what changed

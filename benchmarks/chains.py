@@ -25,15 +25,15 @@ from omegaconf import DictConfig, OmegaConf
 
 from benchmarks import report
 from benchmarks.simulation import Recorder
-from p2l import registry
-from p2l.chaining.learner import Task
-from p2l.chaining.learners.table import known_learners, make_learner
+from p2l.chaining.learner import ChainTask
+from p2l.chaining.learners.table import LEARNERS, make_learner
 from p2l.chaining.mdp import Limits
 from p2l.chaining.ppo import PoolPPO, PPOSettings
 from p2l.chaining.train import card_of
 from p2l.contracts.world import NO_FAILURE
 from p2l.errors import ConfigError
 from p2l.skills import chain
+from p2l.worlds.table import WORLDS, make_world
 
 CONF = Path(__file__).resolve().parents[1] / "conf"
 STARTS = 400  # nominal executions, to find failures
@@ -57,22 +57,22 @@ def settings(world: str) -> DictConfig:
     return OmegaConf.merge(made, OmegaConf.load(own)) if own.is_file() else made  # type: ignore[return-value]
 
 
-def opened(name: str, threads: int) -> Task:
+def opened(name: str, threads: int) -> ChainTask:
     """A world with failures at the detectors' first flag.
 
     Raises:
         ConfigError: none was found.
     """
-    world = registry.get_world(name, {"nthread": threads})
-    nominal = registry.get_options(name, world)
+    world = make_world(name, {"nthread": threads})
+    nominal = world.nominal_options()
     last = chain.run(world, nominal, world.sample(np.random.default_rng(0), STARTS)).last
     failed = last.take(last.kind != NO_FAILURE).rows
     if not len(failed):
         raise ConfigError(f"{STARTS} nominal executions of world '{name}' raised no flag; choose another world")
-    return Task(world, nominal, failed, 0)
+    return ChainTask(world, nominal, failed, 0)
 
 
-def trained(task: Task, name: str, budget: int) -> tuple[Timed, float]:
+def trained(task: ChainTask, name: str, budget: int) -> tuple[Timed, float]:
     """A training always by the same seed, and its wall time; what comes before it is outside the time."""
     given = settings(task.world.name)
     learner = make_learner(name, task, Limits(**given.limits))
@@ -127,8 +127,8 @@ def main(arguments: list[str] | None = None) -> None:
         ConfigError: the nominal skills of a world raise no flag.
     """
     parser = report.parser(__doc__)
-    parser.add_argument("--worlds", nargs="+", choices=registry.known_worlds(), default=["pick_place", "shelf"])
-    parser.add_argument("--learners", nargs="+", choices=known_learners(), default=["rc"])
+    parser.add_argument("--worlds", nargs="+", choices=WORLDS.names(), default=["pick_place", "shelf"])
+    parser.add_argument("--learners", nargs="+", choices=LEARNERS.names(), default=["rc"])
     parser.add_argument("--budget", type=int, default=15_000, help="control steps")
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--rounds", type=int, default=3)

@@ -17,11 +17,11 @@ from typing import Any
 import numpy as np
 
 from benchmarks import report
-from p2l import registry
 from p2l.contracts.world import NO_FAILURE
 from p2l.evaluation.statistics import wilson_interval
 from p2l.records import BoolArray, IntArray
 from p2l.skills import chain
+from p2l.worlds.table import WORLDS, make_world
 
 EXACT: dict[str, dict[str, Any]] = {"pick_place": {"wall_clearance_m": 0.1}}
 OPEN_LOOP = ("door",)  # chapter 4 has no stop at a flag: the chain goes on to its end
@@ -29,10 +29,10 @@ OPEN_LOOP = ("door",)  # chapter 4 has no stop at a flag: the chain goes on to i
 
 def run(name: str, params: dict[str, Any], episodes: int, seed: int, *, stop: bool) -> tuple[report.Row, BoolArray]:
     """One row of the table, and the outcome of each episode."""
-    world = registry.get_world(name, params)
+    world = make_world(name, params)
     rows = world.sample(np.random.default_rng(seed), episodes)
     began = time.perf_counter()
-    done = chain.run(world, registry.get_options(name, world), rows, stop_on_failure=stop, slots=128)
+    done = chain.run(world, world.nominal_options(), rows, stop_on_failure=stop, slots=128)
     seconds = time.perf_counter() - began
     valid = ~done.diverged
     low, high = wilson_interval(done.success[valid].sum(), valid.sum())
@@ -66,7 +66,7 @@ def first_flags(done: chain.Execution) -> IntArray:
 def main(arguments: list[str] | None = None) -> None:
     """Command line."""
     parser = report.parser(__doc__)
-    parser.add_argument("--worlds", nargs="+", choices=registry.known_worlds(), default=list(registry.known_worlds()))
+    parser.add_argument("--worlds", nargs="+", choices=WORLDS.names(), default=list(WORLDS.names()))
     parser.add_argument("--episodes", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--timestep", type=float, metavar="S", help="second time step to compare with, row by row")

@@ -18,10 +18,8 @@ import numpy as np
 
 from benchmarks import instances, report
 from p2l.records import Array
-from p2l.team import Plan, Problem, plan
-from p2l.team.certificate import check
-from p2l.team.facility.pairs import Pairs
-from p2l.team.facility.reduction import lesson_costs
+from p2l.team import Plan, Problem, facility, plan
+from p2l.team.certificate import check_certificate
 
 _ORDERS = ("fixed", "any")
 
@@ -29,60 +27,60 @@ _ORDERS = ("fixed", "any")
 def measure(n: int, kind: str, order: str, seed: int, planner: str, time_limit_s: float, gap: float) -> report.Row:
     """Plan one instance and have its certificate checked."""
     problem = instances.geometric(n, kind, np.random.default_rng(seed), order)  # type: ignore[arg-type]
-    made = plan(problem, planner, time_limit_s=time_limit_s, gap=gap)
-    return _row(problem, made, kind, seed)
+    result = plan(problem, planner, time_limit_s=time_limit_s, gap=gap)
+    return _row(problem, result, kind, seed)
 
 
-def _row(problem: Problem, made: Plan, kind: str, seed: int) -> report.Row:
+def _row(problem: Problem, result: Plan, kind: str, seed: int) -> report.Row:
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / (1e9 if sys.platform == "darwin" else 1e6)
     return {
         "n": problem.n,
         "kind": kind,
         "order": problem.order,
         "seed": seed,
-        "planner": made.planner,
-        "seconds": round(made.seconds, 3),
-        "status": made.status,
-        "objective": made.objective,
-        "gap_percent": round(100.0 * made.gap, 5),
-        "certified_gap_percent": round(100.0 * check(problem, made).gap, 5) if made.certificate else None,
-        "lessons": int((made.decision == 2).sum()),
+        "planner": result.planner,
+        "seconds": round(result.seconds, 3),
+        "status": result.status,
+        "objective": result.objective,
+        "gap_percent": round(100.0 * result.gap, 5),
+        "certified_gap_percent": round(100.0 * check_certificate(problem, result).gap, 5)
+        if result.certificate
+        else None,
+        "lessons": int((result.decision == 2).sum()),
         "peak_gb": round(peak, 2),
     }
 
 
-def all_pairs(problem: Problem) -> Pairs:
+def all_pairs(problem: Problem) -> facility.Pairs:
     """The plain strong form: every lesson in time for a task is a pair, useful or not."""
-    cost = lesson_costs(problem).T
+    cost = facility.lesson_costs(problem)
     row, column = np.nonzero(np.isfinite(cost))
     start = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=problem.n))])
     values: Array = cost[row, column]
-    return Pairs(problem.c_demo, problem.outside, start, column.astype(np.int32), values)
+    return facility.Pairs(problem.c_demo, problem.outside, start, column.astype(np.int32), values)
 
 
 def compare(n: int, kind: str, seed: int, time_limit_s: float) -> list[report.Row]:
     """The planner, then the plain strong form given to HiGHS as arrays, on one instance; rows with the ratio."""
     import highspy
 
-    from p2l.team.facility.core import strong_form
-
     problem = instances.geometric(n, kind, np.random.default_rng(seed))
-    made = plan(problem, "facility")
-    began = time.perf_counter()
+    result = plan(problem, "facility")
+    start = time.perf_counter()
     highs = highspy.Highs()
     for name, value in {"output_flag": False, "threads": 1, "mip_rel_gap": 0.0, "time_limit": time_limit_s}.items():
         highs.setOptionValue(name, value)
-    lp, scale = strong_form(all_pairs(problem))
+    lp, scale = facility.relaxation(all_pairs(problem))
     lp.integrality_ = [highspy.HighsVarType.kInteger] * n + [highspy.HighsVarType.kContinuous] * (lp.num_col_ - n)
     highs.passModel(lp)
     highs.run()
-    seconds = time.perf_counter() - began
-    finished = highs.getModelStatus() == highspy.HighsModelStatus.kOptimal
+    seconds = time.perf_counter() - start
+    complete = highs.getModelStatus() == highspy.HighsModelStatus.kOptimal
     plain: dict[str, object] = {"n": n, "kind": kind, "order": "fixed", "seed": seed, "planner": "plain strong form"}
-    plain |= {"seconds": round(seconds, 3), "status": "optimal" if finished else "time_limit"}
+    plain |= {"seconds": round(seconds, 3), "status": "optimal" if complete else "time_limit"}
     plain |= {"objective": highs.getInfo().objective_function_value / scale}
-    plain |= {"times_slower": round(seconds / made.seconds, 1)}
-    return [_row(problem, made, kind, seed), plain]
+    plain |= {"times_slower": round(seconds / result.seconds, 1)}
+    return [_row(problem, result, kind, seed), plain]
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -96,19 +94,19 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--time-limit", type=float, default=60.0, metavar="S", help="seconds per plan")
     parser.add_argument("--gap", type=float, default=0.0, help="relative gap at which to stop")
     parser.add_argument("--compare", type=int, nargs="*", default=[1000], metavar="N", help="sizes of the comparison")
-    given = parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
     report.load_kernels()
     rows = [
-        measure(n, kind, order, seed, given.planner, given.time_limit, given.gap)
-        for n in given.sizes
-        for kind in given.kinds
-        for order in given.orders
-        for seed in given.seeds
+        measure(n, kind, order, seed, options.planner, options.time_limit, options.gap)
+        for n in options.sizes
+        for kind in options.kinds
+        for order in options.orders
+        for seed in options.seeds
     ]
-    for n in given.compare:
-        for kind in given.kinds:
-            rows += compare(n, kind, given.seeds[0], 10.0 * given.time_limit)
-    report.finish(rows, given.json)
+    for n in options.compare:
+        for kind in options.kinds:
+            rows += compare(n, kind, options.seeds[0], 10.0 * options.time_limit)
+    report.finish(rows, options.json)
 
 
 if __name__ == "__main__":

@@ -26,13 +26,13 @@ import numpy as np
 
 from benchmarks import report
 from benchmarks.simulation import Recorder
-from p2l import registry
-from p2l.contracts.world import Rows
+from p2l.contracts.rows import Rows
+from p2l.contracts.world import symbols_of
 from p2l.metareskill.graph import SkillGraph
 from p2l.metareskill.ledger import Ledger
 from p2l.metareskill.query import QueryOptions, query
 from p2l.metareskill.regression import fit_skill
-from p2l.metareskill.target import Task
+from p2l.metareskill.target import RecoveryTask
 from p2l.metareskill.train import Members, Trainer
 from p2l.metareskill.value_iteration import (
     predicted_value,
@@ -43,6 +43,7 @@ from p2l.metareskill.value_iteration import (
 from p2l.preconditions.backwards import ChainingOptions, chain_preconditions
 from p2l.records import Array
 from p2l.skills.relative import SIZE
+from p2l.worlds.table import WORLDS, make_world
 
 TRIALS = 50
 OPTIONS = QueryOptions(hopeless=10)  # none is given up before it has cost all there is to it
@@ -55,24 +56,24 @@ def seconds(work: Callable[[], object]) -> float:
     return time.perf_counter() - began
 
 
-def opened(name: str, threads: int) -> Task:
+def opened(name: str, threads: int) -> RecoveryTask:
     """A world with preconditions from few samples: how good they are takes no part in what a query costs."""
-    world = registry.get_world(name, {"nthread": threads})
-    symbols = registry.get_symbols(name, world)
+    world = make_world(name, {"nthread": threads})
+    symbols = symbols_of(world)
     few = ChainingOptions(trajectories=24, samples=24)
-    return Task(
-        world, symbols, chain_preconditions(world, symbols, registry.get_options(name, world), few, 0).preconditions
+    return RecoveryTask(
+        world, symbols, chain_preconditions(world, symbols, world.nominal_options(), few, 0).preconditions
     )
 
 
-def asked(task: Task, rows: Rows) -> int:
+def asked(task: RecoveryTask, rows: Rows) -> int:
     """Ask one query from each of `rows` to the goal, always the same; the number of rollouts."""
     rngs = [np.random.default_rng(q) for q in range(len(rows))]
     answers = query(task, rows, [len(task.targets) - 1] * len(rows), rngs, OPTIONS)
     return sum(answer.rollouts for answer in answers)
 
 
-def queries(task: Task, counts: list[int], rounds: int) -> list[report.Row]:
+def queries(task: RecoveryTask, counts: list[int], rounds: int) -> list[report.Row]:
     """A row for each number of queries that share their batches."""
     table: list[report.Row] = []
     first, measured = 0.0, measurement(task, rounds)
@@ -106,7 +107,7 @@ def queries(task: Task, counts: list[int], rounds: int) -> list[report.Row]:
     return table
 
 
-def measurement(task: Task, rounds: int) -> float:
+def measurement(task: RecoveryTask, rounds: int) -> float:
     """Time to measure a skill on `TRIALS` held-out failures."""
     rows = task.world.sample(np.random.default_rng(2), TRIALS)
     members = Members(rows, np.zeros(TRIALS, dtype=np.int64))
@@ -170,7 +171,7 @@ def values(modes: int, rounds: int) -> report.Row:
 def main(arguments: list[str] | None = None) -> None:
     """Command line."""
     parser = report.parser(__doc__)
-    parser.add_argument("--world", choices=registry.described_worlds(), default="door")
+    parser.add_argument("--world", choices=WORLDS.names(), default="door")
     parser.add_argument("--queries", type=int, nargs="*", default=[1, 2, 4], help="queries that share batches")
     parser.add_argument("--modes", type=int, nargs="*", default=[6, 20, 50, 100, 200])
     parser.add_argument("--threads", type=int, default=2)

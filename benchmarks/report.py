@@ -24,7 +24,7 @@ def parser(doc: str | None) -> argparse.ArgumentParser:
 
 def load_kernels() -> None:
     """Load the compiled kernels and say how long that took."""
-    from p2l.team.facility import solve as facility
+    from p2l.team import facility
 
     began = time.perf_counter()
     facility.load_kernels()

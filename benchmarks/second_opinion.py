@@ -22,12 +22,12 @@ from tqdm import tqdm
 
 from benchmarks import report
 from benchmarks.nominal import OPEN_LOOP
-from p2l import registry
 from p2l.contracts.world import World
 from p2l.evaluation.statistics import wilson_interval
 from p2l.records import BoolArray
 from p2l.skills import chain
 from p2l.worlds import robosuite as robosuite_sim
+from p2l.worlds.table import make_world
 
 CHUNK = 10  # episodes of one piece of work; every piece samples all start states again, which is quick
 
@@ -35,7 +35,7 @@ CHUNK = 10  # episodes of one piece of work; every piece samples all start state
 @functools.cache
 def world_of(name: str) -> World:
     """The world, made once in a process."""
-    return registry.get_world(name, {"nthread": 1})
+    return make_world(name, {"nthread": 1})
 
 
 @functools.cache
@@ -50,7 +50,7 @@ def robosuite_chunk(
     """Outcomes of `CHUNK` episodes from `first` on in robosuite, and how many control steps they took."""
     rows = world_of(name).sample(np.random.default_rng(seed), episodes)
     part = rows.take(np.arange(first, min(first + CHUNK, episodes)))
-    options = registry.get_options(name, world_of(name))
+    options = world_of(name).nominal_options()
     done = robosuite_sim.execute(transfer_of(name, tuning), options, part, stop_on_failure=name not in OPEN_LOOP)
     return done.success, int(done.last.step.sum())
 
@@ -83,7 +83,7 @@ def compare(name: str, tuning: robosuite_sim.Tuning, episodes: int, seed: int, p
     """One row of the table."""
     world = world_of(name)
     rows = world.sample(np.random.default_rng(seed), episodes)
-    ours = chain.run(world, registry.get_options(name, world), rows, stop_on_failure=name not in OPEN_LOOP).success
+    ours = chain.run(world, world.nominal_options(), rows, stop_on_failure=name not in OPEN_LOOP).success
     began = time.perf_counter()
     theirs, steps = robosuite_success(name, tuning, episodes, seed, processes)
     seconds = time.perf_counter() - began

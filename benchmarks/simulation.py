@@ -29,13 +29,14 @@ import mujoco
 import numpy as np
 
 from benchmarks import report
-from p2l import registry
 from p2l.contracts.option import Option
-from p2l.contracts.world import Command, Rows, World
+from p2l.contracts.rows import Command, Rows
+from p2l.contracts.world import World
 from p2l.records import Array
 from p2l.skills import chain
 from p2l.skills.runner import Runner
 from p2l.worlds import robosuite as robosuite_sim
+from p2l.worlds.table import WORLDS, make_world
 
 EPISODES = 6  # that robosuite replays
 # At its own gains and at those of our impedance, OSC sways by some 10 mm when the arm stops, and the shelf leaves 3 mm.
@@ -162,8 +163,8 @@ class Theirs:
 
 def measure(name: str, rows: int, rounds: int, seconds: float, threads: int) -> report.Row:
     """All three in turns."""
-    world = registry.get_world(name, {"nthread": threads})
-    options = registry.get_options(name, world)
+    world = make_world(name, {"nthread": threads})
+    options = world.nominal_options()
     with Recorder(world) as recorder:
         chain.run(world, options, world.sample(np.random.default_rng(1), 16), slots=16)
     theirs = Theirs(world, options)
@@ -196,7 +197,7 @@ def main(arguments: list[str] | None = None) -> None:
         ConfigError: there is no such task for robosuite.
     """
     parser = report.parser(__doc__)
-    parser.add_argument("--worlds", nargs="+", choices=registry.known_worlds(), default=list(registry.known_worlds()))
+    parser.add_argument("--worlds", nargs="+", choices=WORLDS.names(), default=list(WORLDS.names()))
     parser.add_argument("--rows", type=int, default=256)
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--rounds", type=int, default=5)

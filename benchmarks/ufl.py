@@ -17,7 +17,7 @@ import numpy as np
 from benchmarks import instances, report
 from p2l.records import Array
 from p2l.team import solve_facility_location
-from p2l.team.facility.orlib import read_instance
+from p2l.team.facility import read_instance
 
 _DEFAULT = Path(__file__).resolve().parent.parent / "data" / "ufl"
 Instance = tuple[str, Array, Array, float | None]
@@ -52,10 +52,10 @@ def families(rng: np.random.Generator) -> Iterator[Instance]:
             yield f"Koerkel-Ghosh {kind} {size}", *instances.dense(size, kind, rng), None
 
 
-def measure(given: Iterator[Instance], time_limit_s: float) -> list[report.Row]:
+def measure(source: Iterator[Instance], time_limit_s: float) -> list[report.Row]:
     """Solve every instance to optimality and compare with the known optimum."""
     rows: list[report.Row] = []
-    for name, opening, service, optimum in given:
+    for name, opening, service, optimum in source:
         solution = solve_facility_location(opening, service, time_limit_s=time_limit_s, gap=0.0)
         rows.append(
             {
@@ -80,10 +80,10 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--families", action="store_true", help="generated families instead of files")
     parser.add_argument("--time-limit", type=float, default=60.0, metavar="S", help="seconds per instance")
     parser.add_argument("--seed", type=int, default=0)
-    given: argparse.Namespace = parser.parse_args(arguments)
+    options: argparse.Namespace = parser.parse_args(arguments)
     report.load_kernels()
-    source = families(np.random.default_rng(given.seed)) if given.families else files(given.instances)
-    report.finish(measure(source, given.time_limit), given.json)
+    source = families(np.random.default_rng(options.seed)) if options.families else files(options.instances)
+    report.finish(measure(source, options.time_limit), options.json)
 
 
 if __name__ == "__main__":

@@ -38,6 +38,22 @@ def counter(title: str, unit: str, total: int) -> Iterator[Callable[[int], None]
 
 
 @contextmanager
+def late_counter(title: str, unit: str) -> Iterator[Callable[[int], Callable[[int], None]]]:
+    """Yield a function that is told the total once it is known, and gives that of `counter`."""
+    with tqdm(desc=title, unit=unit, disable=None, leave=False) as shown:
+
+        def begin(total: int) -> Callable[[int], None]:
+            shown.reset(total)
+
+            def show(more: int) -> None:
+                shown.update(more)
+
+            return show
+
+        yield begin
+
+
+@contextmanager
 def training(title: str, total: int) -> Iterator[Callable[[int, float | None], None]]:
     """Yield a function of the control steps so far and the success rate of the last round.
 

@@ -1,50 +1,50 @@
-"""Opens what chapter 4's stages work on: the world with its preconditions, failures and their modes."""
+"""What chapter 4's stages work on, out of their configuration."""
 
 from __future__ import annotations
 
-import logging
+from collections.abc import Callable
 from pathlib import Path
 
 from p2l.evaluation.video.failures import skip
 from p2l.evaluation.video.player import VideoOptions
 from p2l.evaluation.video.recoveries import film_recoveries
-from p2l.failures.classifier import load_modes
-from p2l.failures.record import check_pair, check_params, load_failures, open_world
-from p2l.metareskill.learn import Rewards, Setting, members, start_graph
+from p2l.metareskill.clips import mode_clips
+from p2l.metareskill.history import History
+from p2l.metareskill.inputs import Files, Inputs, open_inputs
+from p2l.metareskill.learn import Rewards
 from p2l.metareskill.query import QueryOptions
 from p2l.metareskill.record import Recoveries
-from p2l.metareskill.target import Task
-from p2l.preconditions.record import load_preconditions
-from p2l.registry import get_symbols
 from p2l.schema import LearnRecoveriesConfig
 from p2l.skills.relative import Timing
+from p2l.tracking import Tracker
 
-log = logging.getLogger(__name__)
 
-
-def open_setting(cfg: LearnRecoveriesConfig) -> Setting:
-    """Read and check every input; nothing is computed before all of them fit together."""
-    train, held_out = load_failures(cfg.failures, "train"), load_failures(cfg.held_out, "held_out")
-    check_params(train, cfg.world.name, cfg.world.params, cfg.failures)
-    check_pair(train, held_out, cfg.held_out)
-    world, _ = open_world(train, cfg.failures)
-    modes = load_modes(cfg.modes, world)
-    preconditions = load_preconditions(cfg.preconditions, world)
-    task = Task(world, get_symbols(world.name, world), preconditions)
-    failures, dropped = members(task, train, modes)
-    tests, dropped_tests = members(task, held_out, modes)
-    if dropped + dropped_tests:
-        log.info("left out, since a learnt precondition holds: %d and %d held-out failures", dropped, dropped_tests)
-    graph = start_graph(task, failures, modes, Rewards(**cfg.rewards.model_dump()))
+def inputs_of(cfg: LearnRecoveriesConfig) -> Inputs:
+    """Read and check every input."""
+    files = Files(cfg.failures, cfg.held_out, cfg.modes, cfg.preconditions)
     options = QueryOptions(**cfg.query.model_dump(), timing=Timing(**cfg.timing.model_dump()))
-    return Setting(task, modes, failures, tests, graph, options, cfg.trials, cfg.regression == "residual")
+    rewards = Rewards(**cfg.rewards.model_dump())
+    residual = cfg.regression == "residual"
+    return open_inputs(files, cfg.world.key, cfg.world.params, rewards, options, cfg.trials, residual=residual)
 
 
-def film(cfg: LearnRecoveriesConfig, setting: Setting, learnt: Recoveries, folder: Path) -> list[Path]:
+def round_teller(track: Tracker, show: Callable[[int], None]) -> Callable[[History], None]:
+    """Tells of every round of training."""
+
+    def report(history: History) -> None:
+        last = history.rounds[-1]
+        numbers = {"value": last.value, "predicted": last.predicted, "q_upper": last.q_upper, "q": last.q}
+        track.metrics({**numbers, "mode": last.mode, "target": last.target, "solved": last.solved}, step=len(history))
+        show(1)
+
+    return report
+
+
+def film(cfg: LearnRecoveriesConfig, inputs: Inputs, learnt: Recoveries, folder: Path) -> list[Path]:
     """Film each mode before and after, if that is wanted; the files."""
     if cfg.videos:
-        held_out = load_failures(cfg.held_out, "held_out")
-        film_recoveries(folder, setting, held_out, learnt, VideoOptions(**cfg.video.model_dump()))
+        clips = mode_clips(inputs.setting, inputs.held_out, learnt)
+        film_recoveries(folder, inputs.setting.task.world, clips, VideoOptions(**cfg.video.model_dump()))
     else:
         skip(folder, "videos=false")
     return sorted(folder.glob("*.mp4"))

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from p2l.artifacts import atomic, save_arrays, save_json
+from p2l.domains.table import make_domain
 from p2l.evaluation.statistics import wilson_interval
 from p2l.evaluation.transfer.strategies import strategy_figure
 from p2l.records import Array
-from p2l.registry import get_domain
 from p2l.schema import CollectConfig
 from p2l.tracking import Tracker
 from p2l.transfer.collection import collect
@@ -21,7 +21,7 @@ from stages._stage import stage
 @stage("collect", CollectConfig)
 def run(cfg: CollectConfig, out: Path, track: Tracker) -> None:
     """Learn skills, try every skill on every task, and say whether the skills need the walls."""
-    domain = get_domain(cfg.domain.name, cfg.domain.params)
+    domain = make_domain(cfg.domain.key, cfg.domain.params)
     with bar(f"collect {domain.name}") as show:
         found = collect(
             domain, n_tasks=cfg.n_tasks, n_taught=cfg.n_taught, draws=cfg.draws, seed=cfg.seed, progress=show

@@ -12,10 +12,11 @@ from p2l.evaluation.failures.tables import found_metrics, found_summary
 from p2l.failures.discovery import discover
 from p2l.failures.record import SPLITS, STRANDED, Origin, save_failures
 from p2l.failures.strategy import ESTIMATORS
-from p2l.registry import get_options, get_world
 from p2l.schema import DiscoverConfig
 from p2l.seeding import generator
 from p2l.tracking import Tracker
+from p2l.worlds.table import make_world
+from stages._bridge import tell_times
 from stages._progress import counter
 from stages._stage import stage
 
@@ -28,28 +29,29 @@ def run(cfg: DiscoverConfig, out: Path, track: Tracker) -> None:
     name, params = cfg.world.name, dict(cfg.world.params)
     if estimator := cfg.estimator or ESTIMATORS[cfg.strategy]:
         params["estimator"] = estimator
-    world = get_world(name, params)
-    options = get_options(name, world)
-    known = (tuple(option.name for option in options), (*world.failure_kinds, STRANDED))
+    world = make_world(cfg.world.key, params)
+    options = world.nominal_options()
+    names = (tuple(option.name for option in options), (*world.failure_kinds, STRANDED))
     summary: dict[str, Any] = {"strategy": cfg.strategy, "estimator": world.estimator.mode}
-    took, steps = 0.0, 0
+    spent_s = 0.0
     for split in SPLITS:
         count = getattr(cfg.executions, split)
         starts = world.sample(generator(cfg.seed, "discover", name, split), count)
-        origin = Origin(name, params, world.digest, cfg.strategy, split, cfg.seed, count, cfg.max_options, *known)
+        key = cfg.world.key
+        origin = Origin(key, params, world.digest, cfg.strategy, split, cfg.seed, count, cfg.max_options, *names)
         with counter(f"discover {cfg.item} {split}", " episodes", count) as show:
-            begun = time.perf_counter()
-            found = discover(world, options, starts, origin, slots=cfg.slots, progress=show)
-            took += time.perf_counter() - begun
-        save_failures(out / f"failures_{split}.npz", found.failures)
-        summary[split] = found_summary(found)
-        steps += summary[split]["control_steps"]
+            begin = time.perf_counter()
+            discovery = discover(world, options, starts, origin, slots=cfg.slots, progress=show)
+            spent_s += time.perf_counter() - begin
+        save_failures(out / f"failures_{split}.npz", discovery.failures)
+        summary[split] = found_summary(discovery)
         if diverged := summary[split]["diverged"]:
             log.warning("%s %s: the simulation of %d of %d episodes broke down; left out", name, split, diverged, count)
-    total = sum(summary[split]["executions"] for split in SPLITS)
-    summary |= {"episodes_per_s": total / took, "control_steps_per_s": steps / took}
     save_json(out / "summary.json", summary, schema="discover_summary", version=1)
     track.metrics(found_metrics(summary))
+    totals = {key: sum(summary[split][key] for split in SPLITS) for key in ("executions", "control_steps")}
+    rates = {"episodes_per_s": totals["executions"] / spent_s, "control_steps_per_s": totals["control_steps"] / spent_s}
+    tell_times(track, out, {"seconds": spent_s, **rates})
 
 
 if __name__ == "__main__":

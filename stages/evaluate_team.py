@@ -8,14 +8,14 @@ from typing import Any
 import pandas as pd
 
 from p2l.artifacts import config_hash, load_table, save_table
+from p2l.domains.table import make_domain
 from p2l.errors import ArtifactError
 from p2l.evaluation.team.metrics import summarise
-from p2l.ledger import code_digest
-from p2l.registry import get_domain
 from p2l.schema import EvaluateTeamConfig
 from p2l.team.execute import recorded_rows, recorded_truth, true_plans
 from p2l.team.study import make_block
 from p2l.tracking import Tracker
+from stages._bridge import code_of
 from stages._progress import bar
 from stages._stage import stage
 
@@ -23,14 +23,11 @@ from stages._stage import stage
 @stage("evaluate_team", EvaluateTeamConfig)
 def run(cfg: EvaluateTeamConfig, out: Path, track: Tracker) -> None:
     """Execute every plan block by block; blocks and methods with a matching record are not run again."""
-    domain, study = get_domain(cfg.domain.name, cfg.domain.params), cfg.study.study()
+    domain, study = make_domain(cfg.domain.key, cfg.domain.params), cfg.study.study()
     records = cfg.records or out / "records"
     # Committed records outlive harmless edits (`TRUTH_VERSION` marks the others); a run's own do not.
-    identity = (
-        cfg.identity
-        if cfg.records
-        else config_hash([cfg.identity, code_digest("sim", "contracts", "skills", "domains")])
-    )
+    code = code_of("evaluate_team", cfg.records, cfg.domain.key)
+    identity = config_hash([cfg.identity, code]) if code else cfg.identity
     plans = load_table(cfg.plans, schema="plans", version=1)
     rows: list[dict[str, Any]] = []
     for index in range(study.blocks):

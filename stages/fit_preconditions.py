@@ -5,18 +5,19 @@ from __future__ import annotations
 import logging
 import time
 from pathlib import Path
-from typing import Any
 
-from p2l.artifacts import atomic, finite, save_arrays, save_json
-from p2l.evaluation.metareskill.preconditions import calibration_table, precondition_figure, sample_curve, score_table
-from p2l.evaluation.style import png
+from p2l.artifacts import save_arrays, save_json
+from p2l.contracts.world import symbols_of
+from p2l.evaluation.metareskill import preconditions as quality
+from p2l.evaluation.sheets import save_sheets
 from p2l.preconditions.backwards import ChainingOptions, chain_preconditions
 from p2l.preconditions.record import save_preconditions
 from p2l.preconditions.vicinity import Vicinity
-from p2l.registry import get_options, get_symbols, get_world
 from p2l.schema import FitPreconditionsConfig
 from p2l.skills.relative import Timing
 from p2l.tracking import Tracker
+from p2l.worlds.table import make_world
+from stages._bridge import fields_of, tell_times
 from stages._progress import counter
 from stages._stage import stage
 
@@ -26,50 +27,29 @@ log = logging.getLogger(__name__)
 @stage("fit_preconditions", FitPreconditionsConfig)
 def run(cfg: FitPreconditionsConfig, out: Path, track: Tracker) -> None:
     """Write the preconditions and their samples, what is known of their quality as CSV and figure, and a summary."""
-    world = get_world(cfg.world.name, {**cfg.world.params, "estimator": "fixed"})
-    nominal, symbols = get_options(world.name, world), get_symbols(world.name, world)
-    options = ChainingOptions(
-        **{
-            name: getattr(cfg, name) for name in ("trajectories", "samples", "components", "regularisation", "held_out")
-        },
-        vicinity=Vicinity(**cfg.vicinity.model_dump()),
-        timing=Timing(**cfg.timing.model_dump()),
-    )
-    begun = time.perf_counter()
+    world = make_world(cfg.world.key, {**cfg.world.params, "estimator": "fixed"})
+    nominal, symbols = world.nominal_options(), symbols_of(world)
+    parts = {"vicinity": Vicinity(**cfg.vicinity.model_dump()), "timing": Timing(**cfg.timing.model_dump())}
+    options = ChainingOptions(**fields_of(cfg, ChainingOptions) | parts)
+    begin = time.perf_counter()
     with counter(f"preconditions {cfg.item}", "skill", len(nominal)) as show:
-        found = chain_preconditions(world, symbols, nominal, options, cfg.seed, show)
-    took = time.perf_counter() - begun
-    log.info("%s: %d of %d nominal executions succeed", world.name, found.successful, found.trajectories)
-    scores, calibration = score_table(found), calibration_table(found)
-    curve = sample_curve(found, options, cfg.counts, cfg.seed)
-    total = sum(len(samples.labels) for samples in found.samples)
-    title = f"{cfg.item}: preconditions from {total} samples"
-    picture = png(precondition_figure(scores, calibration, curve, title))
-
-    save_preconditions(out / "preconditions.npz", found.preconditions)
-    arrays = {
-        f"{name}.{field}": getattr(samples, field)
-        for name, samples in zip(found.preconditions.names, found.samples, strict=True)
-        for field in samples.__dataclass_fields__
+        chaining = chain_preconditions(world, symbols, nominal, options, cfg.seed, show)
+    tell_times(track, out, {"seconds": time.perf_counter() - begin})
+    log.info("%s: %d of %d nominal executions succeed", world.name, chaining.successful, chaining.trajectories)
+    tables = {
+        "scores": quality.score_table(chaining),
+        "calibration": quality.calibration_table(chaining),
+        "accuracy": quality.sample_curve(chaining, options, cfg.counts, cfg.seed),
     }
-    save_arrays(out / "samples.npz", arrays, schema="precondition_samples", version=1)
-    for name, table in (("scores", scores), ("calibration", calibration), ("accuracy", curve)):
-        with atomic(out / f"{name}.csv") as temporary:
-            table.to_csv(temporary, index=False, float_format="%.6g")
-    with atomic(out / "preconditions.png") as temporary:
-        temporary.write_bytes(picture)
-    keys = scores["skill"] + "/" + scores["metric"]
-    named = {key: finite(value) for key, value in zip(keys.tolist(), scores["value"].tolist(), strict=True)}
-    facts: dict[str, Any] = {
-        "trajectories": found.trajectories,
-        "successful": found.successful,
-        "samples": total,
-        "nominal": dict(zip(found.preconditions.names, found.preconditions.nominal.tolist(), strict=True)),
-        "scores": named,
-    }
+    facts = quality.summary(chaining, tables["scores"])
+    title = f"{cfg.item}: preconditions from {facts['samples']} samples"
+    figure = quality.precondition_figure(tables["scores"], tables["calibration"], tables["accuracy"], title)
+    save_preconditions(out / "preconditions.npz", chaining.preconditions)
+    save_arrays(out / "samples.npz", chaining.sample_arrays(), schema="precondition_samples", version=1)
+    save_sheets(out, tables, {"preconditions": figure})
     save_json(out / "summary.json", facts, schema="preconditions_summary", version=1)
-    track.metrics({key: value for key, value in named.items() if value is not None})
-    track.metrics({"samples": total, "seconds": took})
+    track.metrics({name: value for name, value in facts["scores"].items() if value is not None})
+    track.metrics({"samples": facts["samples"]})
     track.artifact(out / "preconditions.png")
 
 

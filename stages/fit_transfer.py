@@ -8,11 +8,11 @@ from typing import Any
 import torch
 
 from p2l.artifacts import atomic, load_arrays, save_json
+from p2l.domains.table import make_domain
 from p2l.errors import ArtifactError
 from p2l.evaluation.transfer.fit import calibration_table, judge, records, score_table
 from p2l.evaluation.transfer.reliability import reliability_diagram
 from p2l.records import TransferData
-from p2l.registry import get_domain
 from p2l.schema import FitTransferConfig
 from p2l.seeding import generator, torch_seed
 from p2l.tracking import Tracker
@@ -23,7 +23,7 @@ from stages._stage import stage
 @stage("fit_transfer", FitTransferConfig)
 def run(cfg: FitTransferConfig, out: Path, track: Tracker) -> None:
     """Write transfer_model.safetensors with its card, metrics.json, calibration.csv and calibration.png."""
-    domain = get_domain(cfg.domain.name, cfg.domain.params)
+    domain = make_domain(cfg.domain.key, cfg.domain.params)
     data = TransferData.from_arrays(load_arrays(cfg.transfer_data, schema="transfer_data", version=1))
     if data.feature_names != domain.feature_names:
         raise ArtifactError(f"{cfg.transfer_data}: its features are not those of domain '{domain.name}'; collect again")

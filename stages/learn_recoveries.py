@@ -3,23 +3,21 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
 from pathlib import Path
 
 from p2l.artifacts import save_arrays
 from p2l.evaluation.metareskill.learnt import learning_report
-from p2l.ledger import RECOVERING, code_digest
-from p2l.metareskill.choosers.choose import Chooser, get_chooser
+from p2l.metareskill.choosers.table import make_chooser
 from p2l.metareskill.history import History
-from p2l.metareskill.learn import Setting, record_history, train_recoveries
+from p2l.metareskill.learn import record_history, train_recoveries
 from p2l.metareskill.loop import check_budget
 from p2l.metareskill.record import collect, save_recoveries
-from p2l.metareskill.train import Trainer
 from p2l.schema import LearnRecoveriesConfig
 from p2l.tracking import Tracker
+from stages._bridge import code_of, tell
 from stages._child import child
 from stages._progress import counter
-from stages._recovery import film, open_setting
+from stages._recovery import film, inputs_of, round_teller
 from stages._stage import stage
 
 log = logging.getLogger(__name__)
@@ -28,51 +26,37 @@ log = logging.getLogger(__name__)
 @stage("learn_recoveries", LearnRecoveriesConfig)
 def run(cfg: LearnRecoveriesConfig, out: Path, track: Tracker) -> None:
     """Train with every chooser and seed; keep the first chooser's skills, all rounds, and figures 4.6 and 4.7."""
-    choosers = {name: get_chooser(cfg.choosers[name].name, cfg.choosers[name].params) for name in cfg.compare}
-    setting, records = open_setting(cfg), cfg.records or out / "records"
+    choosers = {name: make_chooser(cfg.choosers[name].key, cfg.choosers[name].params) for name in cfg.compare}
+    inputs, records = inputs_of(cfg), cfg.records or out / "records"
+    setting, rounds, episodes = inputs.setting, cfg.rounds, cfg.episodes
     for chooser in choosers.values():
-        check_budget(setting.graph, chooser, cfg.rounds, cfg.episodes)
-    # Committed ledgers outlive harmless edits; a run's own do not.
-    code = "" if cfg.records else code_digest(*RECOVERING)
+        check_budget(setting.graph, chooser, rounds, episodes)
+    code = code_of("learn_recoveries", cfg.records, cfg.world.key, *(cfg.choosers[name].key for name in cfg.compare))
     histories: dict[tuple[int, str], History] = {}
     with counter(f"learn {cfg.item}", "round", cfg.rounds * len(choosers) * len(cfg.seeds)) as show:
         for seed in cfg.seeds:
             trainer = setting.trainer(seed, records / f"{cfg.item}-ledger-s{seed}.npz", code)
             for name, chooser in choosers.items():
-                with child(track, cfg, "learn_recoveries", name, seed, out / "runs" / f"s{seed}" / name) as told:
-                    histories[seed, name] = _learn(cfg, setting, trainer, chooser, told, show)
-                settings = {"rounds": cfg.rounds, "episodes": cfg.episodes, **cfg.choosers[name].model_dump()}
-                record_history(records, cfg.item, trainer, name, histories[seed, name], settings)
+                with child(track, cfg, "learn_recoveries", name, seed, out / "runs" / f"s{seed}" / name) as tracker:
+                    report = round_teller(tracker, show)
+                    history = train_recoveries(
+                        trainer, setting.graph, chooser, rounds=rounds, episodes=episodes, report=report
+                    )
+                settings = {"rounds": rounds, "episodes": episodes, **cfg.choosers[name].model_dump()}
+                record_history(records, cfg.item, trainer, name, history, settings)
+                histories[seed, name] = history
             kept = histories[seed, cfg.compare[0]]
             learnt = collect(trainer, setting.modes, setting.graph, kept, cfg.episodes)
             save_recoveries(out / "recoveries" / f"s{seed}.npz", learnt)
             save_arrays(out / "histories" / f"s{seed}.npz", kept.arrays(), schema="recovery_history", version=1)
             if seed == cfg.seeds[0]:
-                films = film(cfg, setting, learnt, out / "videos")
-    report = learning_report(out, cfg.item, setting, histories, cfg.compare)
-    track.metrics(report.metrics)
-    for path in (*report.files, *films):
+                films = film(cfg, inputs, learnt, out / "videos")
+    summary = learning_report(out, cfg.item, setting, histories, cfg.compare)
+    tell(track, summary)
+    for path in films:
         track.artifact(path)
-    for line in report.notes:
+    for line in summary.notes:
         log.warning(line)
-        track.note(line)
-
-
-def _learn(
-    cfg: LearnRecoveriesConfig,
-    setting: Setting,
-    trainer: Trainer,
-    chooser: Chooser,
-    track: Tracker,
-    show: Callable[[int], None],
-) -> History:
-    def report(history: History) -> None:
-        last = history.rounds[-1]
-        numbers = {"value": last.value, "predicted": last.predicted, "q_upper": last.q_upper, "q": last.q}
-        track.metrics({**numbers, "mode": last.mode, "target": last.target, "solved": last.solved}, step=len(history))
-        show(1)
-
-    return train_recoveries(trainer, setting.graph, chooser, rounds=cfg.rounds, episodes=cfg.episodes, report=report)
 
 
 if __name__ == "__main__":

@@ -47,12 +47,12 @@ def _own_tasks(cfg: PlanConfig, tasks: Path, transfer: Path, out: Path, track: T
 
 def _study_sets(cfg: PlanConfig, out: Path, track: Tracker) -> None:
     from p2l.contracts.domain import Tasks
-    from p2l.registry import get_domain
+    from p2l.domains.table import make_domain
     from p2l.team.execute import predicted_plans
     from p2l.team.study import make_block, tune_theta
     from p2l.transfer.model import load_transfer_model
 
-    domain, study = get_domain(cfg.domain.name, cfg.domain.params), cfg.study.study()
+    domain, study = make_domain(cfg.domain.key, cfg.domain.params), cfg.study.study()
     model = load_transfer_model(cfg.transfer_model, feature_names=domain.feature_names, encoding=domain.encoding)
     seen = TransferData.from_arrays(load_arrays(cfg.transfer_data, schema="transfer_data", version=1))
     pool = Tasks(seen.names, seen.features, seen.group)

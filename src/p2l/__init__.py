@@ -1,1 +1,82 @@
-"""Plan to Learn: a robot plans which skills are worth learning, learns them, and shows that it paid."""
+"""Plan to Learn: a robot decides what it should learn.
+
+Everything that a person imports, in one place; nothing is loaded before it is used.
+
+Which tasks to teach (thesis, chapter 3): `Problem`, `Plan`, `Decision`, `plan`, `explain`, `read_problem`,
+`write_plan`, `check_certificate`, and facility location for its own sake, `solve_facility_location`.
+Which recovery to train next (chapter 4): `SkillGraph`, `History`, `Trained`, `learn`, `make_chooser`.
+What skills are learnt in: `make_world`, `make_domain`. What has been learnt (chapter 5): `load_policy`.
+What goes wrong because of what was given: `P2LError`.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from p2l.chaining.policy import load_policy
+    from p2l.domains.table import make_domain
+    from p2l.errors import P2LError
+    from p2l.metareskill.choosers.table import make_chooser
+    from p2l.metareskill.graph import SkillGraph
+    from p2l.metareskill.history import History, Trained
+    from p2l.metareskill.loop import learn
+    from p2l.team.certificate import check_certificate
+    from p2l.team.facility import solve_facility_location
+    from p2l.team.files import explain, read_problem, write_plan
+    from p2l.team.planners import plan
+    from p2l.team.problem import Decision, Plan, Problem
+    from p2l.worlds.table import make_world
+
+__version__ = "0.2.0"
+__all__ = [
+    "Decision",
+    "History",
+    "P2LError",
+    "Plan",
+    "Problem",
+    "SkillGraph",
+    "Trained",
+    "__version__",
+    "check_certificate",
+    "explain",
+    "learn",
+    "load_policy",
+    "make_chooser",
+    "make_domain",
+    "make_world",
+    "plan",
+    "read_problem",
+    "solve_facility_location",
+    "write_plan",
+]
+_HOMES = {
+    "p2l.chaining.policy": ("load_policy",),
+    "p2l.domains.table": ("make_domain",),
+    "p2l.errors": ("P2LError",),
+    "p2l.metareskill.choosers.table": ("make_chooser",),
+    "p2l.metareskill.graph": ("SkillGraph",),
+    "p2l.metareskill.history": ("History", "Trained"),
+    "p2l.metareskill.loop": ("learn",),
+    "p2l.team.certificate": ("check_certificate",),
+    "p2l.team.facility": ("solve_facility_location",),
+    "p2l.team.files": ("explain", "read_problem", "write_plan"),
+    "p2l.team.planners": ("plan",),
+    "p2l.team.problem": ("Decision", "Plan", "Problem"),
+    "p2l.worlds.table": ("make_world",),
+}
+_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
+
+
+def __getattr__(name: str) -> Any:
+    """Import what is asked for (PEP 562)."""
+    if name not in _HOME_OF:
+        raise AttributeError(f"module 'p2l' has no attribute '{name}'; it has {', '.join(__all__)}")
+    attribute = getattr(importlib.import_module(_HOME_OF[name]), name)
+    globals()[name] = attribute
+    return attribute
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

@@ -11,20 +11,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from p2l.artifacts import config_hash, load_json, save_json
+from p2l.artifacts import load_json, save_json
 from p2l.errors import ArtifactError
 
 SCHEMA = "item_record"
-RECOVERING = (
-    "sim",
-    "contracts",
-    "skills",
-    "worlds",
-    "preconditions",
-    "failures",
-    "metareskill",
-    "chaining",
-)  # of chapters 4, 5
 
 
 @dataclass(frozen=True)
@@ -59,13 +49,6 @@ def find(folder: Path, item: Item) -> dict[str, Any] | None:
         return None
     content: dict[str, Any] = record["content"]
     return content if record["config_hash"] == item.config_hash else None
-
-
-def code_digest(*rooms: str) -> str:
-    """Hash of some rooms' source files, and of p2l's own beside them, for items that any change must run again."""
-    here = Path(__file__).parent
-    files = sorted({*here.glob("*.py"), *(file for room in rooms for file in (here / room).rglob("*.py"))})
-    return config_hash([file.read_text(encoding="utf-8") for file in files])
 
 
 def write(folder: Path, item: Item, content: dict[str, Any], *, seconds: float) -> None:

@@ -1,153 +1,121 @@
-"""The one list of domains (chapter 3) and of manipulation worlds (chapters 4 and 5).
+"""One registry for everything that is chosen by name: worlds, domains, learners, choosers, planners.
 
-A new one adds one line here and the contract tests cover it. Factories are named, not imported: a stage loads only
-the world that it works on.
+A name is looked up in this order:
+1. names that p2l or a program has registered,
+2. entry points of installed packages, in the group of the kind, e.g. `p2l.worlds`,
+3. a target, `package.module:attribute`, of a package that is not ours; a YAML names it as `target:`.
+
+Nothing is imported before it is asked for: entries are functions that import, so that type checkers and the computed
+dependencies (`p2l.closure`) see what a name stands for. What a name is given is checked here and nowhere else, with
+one message for every kind.
 """
 
 from __future__ import annotations
 
 import importlib
 import inspect
-from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Iterable, Mapping
+from importlib.metadata import entry_points
+from typing import Any, Generic, TypeVar, cast
 
-from p2l.contracts.domain import Domain
 from p2l.errors import ConfigError
 
-if TYPE_CHECKING:  # a stage of chapter 3 does not load the arms
-    from p2l.contracts.option import Option
-    from p2l.contracts.symbols import Symbols
-    from p2l.contracts.world import World
-
-_FACTORIES: dict[str, str] = {}
-_WORLDS: dict[str, tuple[str, str]] = {}
-_SYMBOLS: dict[str, str] = {}
+Factory = TypeVar("Factory", bound=Callable[..., Any])
 
 
-def register(name: str, factory: str) -> None:
-    """Make `factory` (`package.module:callable`) available as `name`; its module is imported on first use.
-
-    Raises:
-        ConfigError: the name is taken by another factory, or `factory` has no colon.
-    """
-    if ":" not in factory:
-        raise ConfigError(f"domain '{name}': factory '{factory}' has no colon; write 'package.module:callable'")
-    if _FACTORIES.setdefault(name, factory) != factory:
-        raise ConfigError(f"domain '{name}' is already registered as '{_FACTORIES[name]}'; choose another name")
-
-
-def known_domains() -> tuple[str, ...]:
-    """Names of all registered domains, sorted."""
-    return tuple(sorted(_FACTORIES))
-
-
-def get_domain(name: str, params: Mapping[str, Any] | None = None) -> Domain:
-    """Build the domain `name` with keyword parameters `params`.
-
-    Raises:
-        ConfigError: unknown domain, or a parameter that its factory does not take.
-    """
-    if name not in _FACTORIES:
-        raise ConfigError(f"unknown domain '{name}'; known domains: {', '.join(known_domains()) or 'none'}")
-    domain: Domain = _build(f"domain '{name}'", _FACTORIES[name], params)
-    return domain
-
-
-def register_world(name: str, *, world: str, options: str) -> None:
-    """Make a manipulation world available as `name`.
+class Registry(Generic[Factory]):
+    """Names of one kind of thing, each with a function that imports its factory.
 
     Args:
-        name: as in `conf/world/<name>.yaml`.
-        world: `package.module:class`; keyword parameters are those of the YAML.
-        options: `package.module:function` from the world to its nominal chain.
-
-    Raises:
-        ConfigError: the name is taken by another world, or one of the two has no colon.
+        kind: what it is, for messages: `world`, `learner`; its entry points are in the group `p2l.<kind>s`.
+        entries: by name, what imports the factory.
     """
-    if ":" not in world or ":" not in options:
-        raise ConfigError(f"world '{name}': write 'package.module:name', got '{world}' and '{options}'")
-    if _WORLDS.setdefault(name, (world, options)) != (world, options):
-        raise ConfigError(f"world '{name}' is already registered as '{_WORLDS[name][0]}'; choose another name")
 
+    def __init__(self, kind: str, entries: Mapping[str, Callable[[], Factory]]) -> None:
+        self.kind = kind
+        self._loaders: dict[str, Callable[[], Factory]] = dict(entries)
+        self._targets: dict[str, str] = {}
 
-def known_worlds() -> tuple[str, ...]:
-    """Names of all registered worlds, sorted."""
-    return tuple(sorted(_WORLDS))
+    def register(self, name: str, target: str) -> None:
+        """Make `target` (`package.module:attribute`) available as `name`; it is imported on first use.
 
+        Raises:
+            ConfigError: the name stands for something else, or `target` has no colon.
+        """
+        if ":" not in target:
+            raise ConfigError(f"{self.kind} '{name}': '{target}' has no colon; write 'package.module:attribute'")
+        if self._targets.get(name) == target:
+            return
+        if name in self._loaders:
+            raise ConfigError(f"{self.kind} '{name}' is already registered; choose another name")
+        self._loaders[name] = lambda: self._imported(target)
+        self._targets[name] = target
 
-def get_world(name: str, params: Mapping[str, Any] | None = None) -> World:
-    """Build the world `name` with keyword parameters `params`.
+    def names(self) -> tuple[str, ...]:
+        """Every name that can be given, sorted; entry points of installed packages included."""
+        return tuple(sorted({*self._loaders, *(point.name for point in self._entry_points())}))
 
-    Raises:
-        ConfigError: unknown world, or a parameter that it does not take or refuses.
-    """
-    world: World = _build(f"world '{name}'", _known_world(name)[0], params)
-    return world
+    def factory(self, name: str) -> Factory:
+        """What `name`, an entry point's name or a target stands for.
 
+        Raises:
+            ConfigError: unknown, or what it names cannot be imported.
+        """
+        if name in self._loaders:
+            return self._loaders[name]()
+        if ":" in name:
+            return self._imported(name)
+        if (point := next((point for point in self._entry_points() if point.name == name), None)) is not None:
+            return self._imported(point.value)
+        raise ConfigError(
+            f"unknown {self.kind} '{name}'; known: {', '.join(self.names()) or 'none'}, or 'package.module:attribute'"
+        )
 
-def get_options(name: str, world: World) -> tuple[Option, ...]:
-    """The nominal chain of a world, in order.
+    def check(self, name: str) -> str:
+        """`name`, if it stands for something; names of our own are not imported for that.
 
-    Raises:
-        ConfigError: unknown world.
-    """
-    make: Callable[[World], tuple[Option, ...]] = _load(_known_world(name)[1])
-    return make(world)
+        Raises:
+            ConfigError: as `factory`.
+        """
+        if name not in self._loaders:
+            self.factory(name)
+        return name
 
+    def checked(
+        self, name: str, params: Mapping[str, Any] | None, *, own: Iterable[str] = (), also: Iterable[str] = ()
+    ) -> Factory:
+        """The factory of `name`, if it takes the parameters `params`.
 
-def register_symbols(name: str, symbols: str) -> None:
-    """Describe a world to the skill graph: `symbols` (`package.module:class`) takes the world."""
-    _SYMBOLS[name] = symbols
+        Args:
+            name: as for `factory`.
+            params: what a person gives it.
+            own: parameters that p2l fills in, which a person cannot.
+            also: parameters that everything of this kind takes, besides those of its factory.
 
+        Raises:
+            ConfigError: unknown name, or a parameter that its factory does not take.
+        """
+        factory, hidden = self.factory(name), set(own)
+        signature = inspect.signature(factory).parameters
+        if any(parameter.kind is parameter.VAR_KEYWORD for parameter in signature.values()):
+            return factory
+        allowed = [*also, *(parameter for parameter in signature if parameter not in hidden)]
+        if unknown := sorted(set(params or {}) - set(allowed)):
+            raise ConfigError(
+                f"{self.kind} '{name}': unknown parameters {unknown}; allowed: {', '.join(allowed) or 'none'}"
+            )
+        return factory
 
-def described_worlds() -> tuple[str, ...]:
-    """Names of all worlds that have symbols, sorted."""
-    return tuple(sorted(_SYMBOLS))
+    def _entry_points(self) -> Iterable[Any]:
+        return entry_points(group=f"p2l.{self.kind}s")
 
-
-def get_symbols(name: str, world: World) -> Symbols:
-    """How a world is described to preconditions and recoveries (chapter 4).
-
-    Raises:
-        ConfigError: nobody described it.
-    """
-    if name not in _SYMBOLS:
-        raise ConfigError(f"world '{name}' has no symbols, so no skill graph; worlds that have: {', '.join(_SYMBOLS)}")
-    make: Callable[[World], Symbols] = _load(_SYMBOLS[name])
-    return make(world)
-
-
-def _known_world(name: str) -> tuple[str, str]:
-    if name not in _WORLDS:
-        raise ConfigError(f"unknown world '{name}'; known worlds: {', '.join(known_worlds()) or 'none'}")
-    return _WORLDS[name]
-
-
-def _load(path: str) -> Any:
-    module, _, attribute = path.partition(":")
-    return getattr(importlib.import_module(module), attribute)
-
-
-def _build(what: str, path: str, params: Mapping[str, Any] | None) -> Any:
-    factory: Callable[..., Any] = _load(path)
-    given = dict(params or {})
-    allowed = tuple(inspect.signature(factory).parameters)
-    if unknown := sorted(set(given) - set(allowed)):
-        raise ConfigError(f"{what}: unknown parameters {unknown}; allowed: {', '.join(allowed) or 'none'}")
-    return factory(**given)
-
-
-register("board", "p2l.domains.insertion.domain:board")
-register("insertion", "p2l.domains.insertion.domain:insertion")
-register("lego", "p2l.domains.lego.domain:Lego")
-
-register_world("door", world="p2l.worlds.door.world:Door", options="p2l.worlds.door.skills:options")
-register_world(
-    "pick_place", world="p2l.worlds.pick_place.world:PickPlace", options="p2l.worlds.pick_place.skills:options"
-)
-register_world("shelf", world="p2l.worlds.shelf.world:Shelf", options="p2l.worlds.shelf.skills:options")
-register_world(
-    "cluttered_shelf", world="p2l.worlds.shelf.world:ClutteredShelf", options="p2l.worlds.shelf.skills:options"
-)
-
-register_symbols("door", "p2l.worlds.door.symbols:DoorSymbols")
+    def _imported(self, target: str) -> Factory:
+        module, _, attribute = target.partition(":")
+        try:
+            return cast(Factory, getattr(importlib.import_module(module), attribute))
+        except ModuleNotFoundError as error:
+            if error.name is None or not f"{module}.".startswith(f"{error.name}."):
+                raise  # the module is there; what it imports is not
+            raise ConfigError(f"{self.kind} '{target}': there is no module '{error.name}' on Python's path") from error
+        except AttributeError as error:
+            raise ConfigError(f"{self.kind} '{target}': module '{module}' has no '{attribute}'") from error

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from p2l.chaining.learner import Task
+from examples.push.world import Push
+from p2l.chaining.learner import ChainTask
 from p2l.contracts.world import NO_FAILURE
 from p2l.skills import chain
-from tests.worlds.push import Push, options
 
 
 @pytest.fixture(scope="package")
@@ -16,7 +16,7 @@ def world():
 
 @pytest.fixture(scope="package")
 def nominal(world):
-    return options(world)
+    return world.nominal_options()
 
 
 @pytest.fixture(scope="package")
@@ -28,4 +28,4 @@ def failures(world, nominal):
 
 @pytest.fixture
 def task(world, nominal, failures):
-    return Task(world, nominal, failures, seed=0)
+    return ChainTask(world, nominal, failures, seed=0)

@@ -9,7 +9,7 @@ from p2l.chaining.learners.lazy_rc import Lazy, LazySettings, certain_from
 from p2l.chaining.learners.table import make_learner
 from p2l.chaining.mdp import Limits, Transitions
 from p2l.chaining.ppo import PoolPPO, PPOSettings
-from p2l.chaining.preconditions import Preconditions, Visited, fit, visit
+from p2l.chaining.preconditions import ControllerPreconditions, Visited, fit, visit
 from p2l.chaining.train import card_of
 from p2l.contracts.observation import Observation
 from p2l.errors import ConfigError
@@ -97,7 +97,7 @@ def test_a_lazy_learner_simulates_less_for_as_many_decisions(task):
 def test_pretrained_preconditions_pay_where_one_holds_and_name_the_best_controller(world, nominal, task):
     learner = make_learner("pp", task, Limits(fields=("grip_pos_m", "block_y_m")), {"trajectories": 60, "every": 2})
     known = learner.preconditions
-    copied = Preconditions.from_arrays(known.arrays())
+    copied = ControllerPreconditions.from_arrays(known.arrays())
     visited = visit(world, nominal, world.sample(np.random.default_rng(5), 40), every=4)
     state = np.concatenate([visited.seen["grip_pos_m"], visited.seen["block_y_m"]], axis=1)
     assert_allclose(copied.score(state), known.score(state))
@@ -132,19 +132,19 @@ def test_states_of_nominal_runs_are_labelled_by_how_the_run_ended(world, nominal
 
 
 def test_flat_learning_is_paid_for_progress_and_may_use_its_fingers(task, world, monkeypatch):
-    with pytest.raises(ConfigError, match="no dense reward for world 'push'; there is one for pick_place"):
+    with pytest.raises(ConfigError, match="no dense reward for world 'push'; say where its object belongs by"):
         make_learner("rl", task, Limits())
-    monkeypatch.setitem(rl.PLACES, "push", lambda truth: np.zeros((len(truth), 3)))
+    monkeypatch.setattr(world, "delivery_pos", lambda truth: np.zeros((len(truth), 3)), raising=False)
     monkeypatch.setattr(world, "_truth", _with_object(world))
     learner = make_learner("rl", task, Limits(), {"decisions": 3, "starts": 5})
     assert learner.whole_task
     assert len(learner.starts) == 5
     assert learner.primitives == (*PRIMITIVES, *GRIPS)
     pool = learner.pool(task, np.random.default_rng(0), 1)
-    before = rl.potential(world, pool._runner.rows.take([0]), rl.PLACES["push"])
+    before = rl.potential(world, pool._runner.rows.take([0]), world.delivery_pos)
     pool.act(np.array([0]), np.array([0]))
     told = pool.poll()
-    after = rl.potential(world, pool._runner.rows.take([0]), rl.PLACES["push"])
+    after = rl.potential(world, pool._runner.rows.take([0]), world.delivery_pos)
     assert_allclose(told.reward, after - before)
     assert told.reward[0] > 0.0, "2 cm closer to the block"
 

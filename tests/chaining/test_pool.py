@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
+from examples.push.world import Push
 from p2l.chaining.mdp import Limits
 from p2l.chaining.pool import Pool
 from p2l.contracts.world import NO_FAILURE
@@ -12,7 +13,6 @@ from p2l.skills import chain
 from p2l.skills.follow import Follow, Waypoints
 from p2l.skills.primitives import PRIMITIVES, STEPS
 from p2l.skills.runner import Reason, Runner
-from tests.worlds.push import Push, options
 
 ALIGN, PUSH = len(PRIMITIVES), len(PRIMITIVES) + 1
 
@@ -25,7 +25,7 @@ def world():
 @pytest.fixture(scope="module")
 def failures(world):
     """Moments at which the detector fired."""
-    done = chain.run(world, options(world), world.sample(np.random.default_rng(0), 60))
+    done = chain.run(world, world.nominal_options(), world.sample(np.random.default_rng(0), 60))
     return done.last.take(done.last.kind != NO_FAILURE).rows
 
 
@@ -34,7 +34,7 @@ def pool(world, rows, slots, **limits):
     given = iter(range(10_000))
     return Pool(
         world,
-        options(world),
+        world.nominal_options(),
         PRIMITIVES,
         lambda n: rows.take([next(given) % len(rows) for _ in range(n)]),
         slots,
@@ -56,7 +56,7 @@ def test_no_slot_waits_for_a_longer_action(world, failures):
 
 def chain_from(world, row, first):
     """Whether the chain from option `first` on does the task from one restored failure, a run of its own."""
-    runner, chain_of = Runner(world, options(world), 1), options(world)
+    runner, chain_of = Runner(world, world.nominal_options(), 1), world.nominal_options()
     runner.place(np.array([0]), row, muted=True)
     for option in range(first, len(chain_of)):
         runner.begin(np.array([0]), np.array([option]))
@@ -160,7 +160,7 @@ def test_a_reward_that_is_not_finite_is_refused(world, failures, bad):
     def judge(played):
         return np.full(len(played.done), bad), played.done
 
-    made = Pool(world, options(world), PRIMITIVES, lambda n: failures.take(np.arange(n)), 1, judge=judge)
+    made = Pool(world, world.nominal_options(), PRIMITIVES, lambda n: failures.take(np.arange(n)), 1, judge=judge)
     made.act(np.array([0]), np.array([4]))
     with pytest.raises(ShapeError, match="the reward of a decision is NaN or infinite"):
         made.poll()
@@ -170,7 +170,7 @@ def test_an_observation_that_is_not_finite_is_refused(world, failures):
     broken = failures.take([0])
     broken.noise[:] = np.nan
     with pytest.raises(ShapeError, match="the observation holds NaN or infinity in block"):
-        Pool(world, options(world), PRIMITIVES, lambda n: broken.take(np.zeros(n, dtype=np.int64)), 1)
+        Pool(world, world.nominal_options(), PRIMITIVES, lambda n: broken.take(np.zeros(n, dtype=np.int64)), 1)
 
 
 def test_misuse_is_refused(world, failures):

@@ -8,7 +8,7 @@ from stable_baselines3.common.callbacks import BaseCallback
 
 from p2l.chaining.checkpoint import FILE, load_checkpoint
 from p2l.chaining.execute import Recovered
-from p2l.chaining.learner import Task
+from p2l.chaining.learner import ChainTask
 from p2l.chaining.learners.table import make_learner
 from p2l.chaining.mdp import Limits
 from p2l.chaining.policy import check_policy, load_policy
@@ -173,7 +173,7 @@ def test_a_killed_run_resumes_and_another_configuration_is_refused(task, tmp_pat
 
 def test_bad_input_is_refused_before_anything_is_simulated(task, failures):
     with pytest.raises(ConfigError, match=r"no failures of world 'push'.*stages\.discover"):
-        Task(task.world, task.nominal, failures.take(np.zeros(len(failures), dtype=bool)), 0)
+        ChainTask(task.world, task.nominal, failures.take(np.zeros(len(failures), dtype=bool)), 0)
     with pytest.raises(
         ConfigError, match="less than one round of 120 decisions of 10 control steps; give at least 1200"
     ):

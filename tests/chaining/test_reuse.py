@@ -5,18 +5,19 @@ import pandas as pd
 import pytest
 from numpy.testing import assert_array_equal
 
+from examples.push.world import Push
 from p2l.chaining.agent import Agent
 from p2l.chaining.execute import nominal_part, recover
 from p2l.chaining.mdp import Limits
-from p2l.chaining.reuse import Known, last_decisions, nominal_sets, of_rows, reuse_rows
-from p2l.chaining.strategies import strategies_5, strategy
+from p2l.chaining.novelty import StateSet
+from p2l.chaining.reuse import Novel, last_decisions, most_novel, nominal_sets, of_rows, reuse_rows
+from p2l.chaining.strategies import strategy
 from p2l.evaluation.chaining.reuse import figure_5_9, novel_starts
+from p2l.evaluation.chaining.strategies import strategies_5
 from p2l.evaluation.thesis import load_thesis
-from p2l.evaluation.video.reuse import Novel, most_novel
-from p2l.registry import get_options, get_world
 from p2l.skills.primitives import PRIMITIVES
 from p2l.skills.runner import Reason
-from tests.worlds.push import Push, options
+from p2l.worlds.table import make_world
 
 BACK, ALIGN = 1, len(PRIMITIVES)
 
@@ -24,7 +25,7 @@ BACK, ALIGN = 1, len(PRIMITIVES)
 @pytest.fixture(scope="module")
 def push():
     world = Push(nthread=1, sigma_m=0.03)
-    return world, options(world)
+    return world, world.nominal_options()
 
 
 @pytest.fixture(scope="module")
@@ -62,10 +63,10 @@ def test_the_most_novel_start_is_the_farthest_that_paid():
 
 def test_states_are_outside_beyond_what_nominal_runs_leave_between_each_other():
     values, episode = np.linspace(0.0, 1.0, 200)[:, None], np.arange(200) // 5
-    known = Known.of(values, episode)
+    known = StateSet.of(values, episode)
     assert (known.off(values) <= 1.0).mean() > 0.98
     assert_array_equal(known.off(np.array([[0.5], [2.0], [-1.0]])) > 1.0, [False, True, True])
-    assert Known.of(values[:10], episode[:10]) is None  # two runs
+    assert StateSet.of(values[:10], episode[:10]) is None  # two runs
 
 
 def test_nominal_runs_are_inside_and_failures_are_not(push, failures):
@@ -80,12 +81,12 @@ def test_nominal_runs_are_inside_and_failures_are_not(push, failures):
     assert_array_equal(rows["success"], recover(world, nominal, agent, failures).success)
     assert set(rows["strategy"]) == {"at_once"}
     never = reuse_rows(world, nominal, doing(*[BACK] * 10), failures.take([0]), sets)
-    assert never[["option", "strategy"]].iloc[0].tolist() == ["", "other"]
+    assert never[["option", "strategy"]].iloc[0].tolist() == ["", "unnamed"]
 
 
 def test_a_turned_hand_and_bread_that_is_farther_from_the_wall_are_told_apart():
-    plain = get_world("pick_place", {})
-    world, nominal = plain, get_options("pick_place", plain)
+    plain = make_world("pick_place", {})
+    world, nominal = plain, plain.nominal_options()
     start = world.sample(np.random.default_rng(3), 1)
     turn = next(k for k, primitive in enumerate(PRIMITIVES) if primitive.name == "turn +z")
     turned = last_decisions(world, nominal, doing(turn, ALIGN), start)[1]

@@ -7,11 +7,11 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from p2l.chaining import revisit
-from p2l.chaining.learner import Task
+from p2l.chaining.learner import ChainTask
 from p2l.chaining.learners.table import make_learner
 from p2l.chaining.mdp import Limits
 from p2l.chaining.pool import Pool
-from p2l.chaining.revisit import ENOUGH, MANY, RECENT, Moments, Revisits
+from p2l.chaining.revisit import ENOUGH, MANY, RECENT, RevisitMoments, Revisits
 from p2l.skills.primitives import PRIMITIVES, STEPS
 
 ALIGN = len(PRIMITIVES)
@@ -117,7 +117,7 @@ def moments(world, decisions, failure, tag=0.0):
     none = np.zeros(len(decisions), dtype=np.int64)
     rows = world.sample(np.random.default_rng(0), 1).take(none)
     state = np.stack([decisions.astype(float), none + float(failure), np.where(decisions > 0, tag, 0.0)], axis=1)
-    return Moments(rows, state, decisions, none, none.astype(bool))
+    return RevisitMoments(rows, state, decisions, none, none.astype(bool))
 
 
 def play(world, made, failure, decisions, paid=YES, tag=0.0, **told):
@@ -321,7 +321,7 @@ def test_a_way_whose_moments_always_pay_can_be_gone_back_to(world, one):
     assert again(one)[1] == 1
 
 
-def test_a_whole_task_is_never_gone_on_with(task: Task):
+def test_a_whole_task_is_never_gone_on_with(task: ChainTask):
     learner, rng = make_learner("rc", task, Limits()), np.random.default_rng(0)
     assert learner.pool(task, rng, 2, 0.5)._revisits is not None
     assert replace(learner, whole_task=True).pool(task, rng, 2, 0.5)._revisits is None

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from p2l import registry
 from p2l.contracts.domain import Domain, Tasks
+from p2l.domains.table import DOMAINS, make_domain
 from p2l.errors import ConfigError, ShapeError
 from p2l.evaluation.transfer.strategies import strategy_figure
 
@@ -17,9 +17,9 @@ CHEAP: dict[str, dict[str, object]] = {"lego": {"candidates": 500}}
 DRAWS = 2
 
 
-@pytest.fixture(scope="module", params=registry.known_domains())
+@pytest.fixture(scope="module", params=DOMAINS.names())
 def collected(request):
-    domain = registry.get_domain(request.param, CHEAP.get(request.param))
+    domain = make_domain(request.param, CHEAP.get(request.param))
     tasks = domain.sample_tasks(np.random.default_rng(0), 4)
     seen: list[tuple[int, int]] = []
     skills = domain.learn(
@@ -72,17 +72,17 @@ def test_a_set_of_tasks_has_the_same_features(collected):
 
 def test_unknown_names_and_parameters_are_refused():
     with pytest.raises(ConfigError, match="lego"):
-        registry.get_domain("chess")
+        make_domain("chess")
     with pytest.raises(ConfigError, match="tap_noise"):
-        registry.get_domain("lego", {"tap_niose": 1.0})
+        make_domain("lego", {"tap_niose": 1.0})
     with pytest.raises(ConfigError, match="already"):
-        registry.register("lego", "elsewhere:Lego")
+        DOMAINS.register("lego", "elsewhere:Lego")
     with pytest.raises(ConfigError, match="colon"):
-        registry.register("new", "elsewhere")
+        DOMAINS.register("new", "elsewhere")
 
 
 def test_lego_does_not_load_the_physics_engine():
-    code = "import sys; from p2l.registry import get_domain; get_domain('lego'); print('mujoco' in sys.modules)"
+    code = "import sys; from p2l.domains.table import make_domain; make_domain('lego'); print('mujoco' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"
 

@@ -3,7 +3,7 @@ import pytest
 
 from p2l.domains.insertion.domain import InsertionDomain, RepsSettings, board, insertion
 from p2l.domains.insertion.layouts import make_tasks
-from p2l.domains.insertion.physics import Physics, build_model, is_inserted, start_states
+from p2l.domains.insertion.physics import InsertionPhysics, build_model, is_inserted, start_states
 from p2l.domains.insertion.waypoints import execute
 from p2l.errors import ConfigError, ShapeError
 from p2l.sim.batch import Engine
@@ -80,7 +80,7 @@ def test_waypoints_start_from_where_the_end_effector_stands():
 
     What is left is the tilt of the part, which is pressed harder where the wall was reached sooner.
     """
-    physics = Physics()
+    physics = InsertionPhysics()
     model = build_model(np.array([[0.0, -0.025, 0.06, 0.005]]), physics)
     skills = np.zeros((2, 2, 4))
     skills[:, 0, 1], skills[:, 1, 1] = -0.04, 0.004
@@ -106,7 +106,7 @@ def test_waypoints_start_from_where_the_end_effector_stands():
 
 def test_insertion_is_a_matter_of_depth():
     depths = np.array([[0.0, 0.0, -0.014], [0.0, 0.0, -0.0151], [0.0, 0.0, 0.01]])
-    np.testing.assert_array_equal(is_inserted(depths, Physics()), [False, True, False])
+    np.testing.assert_array_equal(is_inserted(depths, InsertionPhysics()), [False, True, False])
 
 
 def test_unknown_settings_are_refused():

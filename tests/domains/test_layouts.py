@@ -15,7 +15,13 @@ from p2l.domains.insertion.layouts import (
     sample_board_tasks,
     sample_grid_tasks,
 )
-from p2l.domains.insertion.physics import WALLS_PER_SCENE, Physics, build_model, task_features, wall_distances_cm
+from p2l.domains.insertion.physics import (
+    WALLS_PER_SCENE,
+    InsertionPhysics,
+    build_model,
+    task_features,
+    wall_distances_cm,
+)
 from p2l.errors import ConfigError
 
 
@@ -86,4 +92,4 @@ def test_board_training_tasks_are_not_the_board():
 
 def test_too_many_walls_are_refused():
     with pytest.raises(ConfigError, match="at most 8"):
-        build_model(np.tile([0.05, 0.0, 0.005, 0.01], (WALLS_PER_SCENE + 1, 1)), Physics())
+        build_model(np.tile([0.05, 0.0, 0.005, 0.01], (WALLS_PER_SCENE + 1, 1)), InsertionPhysics())

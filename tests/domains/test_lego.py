@@ -7,10 +7,10 @@ from hypothesis import given, settings
 from numpy.testing import assert_array_equal
 
 from p2l.domains.lego.domain import Lego
-from p2l.domains.lego.parts import PARTS, STUD_CM, Camera, Part, photograph, rotate
+from p2l.domains.lego.parts import PARTS, STUD_CM, OverheadCamera, Part, photograph, rotate
 from p2l.errors import ConfigError
 
-EXACT = Camera(blur=1e-3, noise=0.0, flips=0.0, box=0.0, angle=0.0)
+EXACT = OverheadCamera(blur=1e-3, noise=0.0, flips=0.0, box=0.0, angle=0.0)
 SILENT = Lego(tap_noise=0.0, slip=0.0, slip_angle=0.0, candidates=4000, camera=EXACT)
 SMALL = Lego(candidates=2000)
 SQUARE = Part("square", ((0, 0, 4, 4),))
@@ -127,7 +127,7 @@ def test_fewest_taps_on_known_parts():
 
 def test_photograph_shows_the_part_where_the_box_says():
     rng = np.random.default_rng(0)
-    camera = Camera()
+    camera = OverheadCamera()
     part = PARTS[_number("l_12x6")]
     views = photograph(part, camera, rng, 5)
     cells = (np.arange(camera.samples) + 0.5) / camera.samples - 0.5

@@ -6,17 +6,18 @@ within about 16 mm of the middle and 6 cm of 8 cm behind; align from anywhere be
 
 import numpy as np
 
-from p2l import registry
+from examples.push.skills import DOWN
+from examples.push.world import Push
 from p2l.failures.classifier import ModeClassifier
 from p2l.metareskill.graph import SkillGraph
 from p2l.metareskill.record import Recoveries, modes_hash, preconditions_hash
 from p2l.metareskill.regression import ParameterisedSkill
-from p2l.metareskill.target import Task
+from p2l.metareskill.target import RecoveryTask
 from p2l.preconditions.classifier import PreconditionClassifier
 from p2l.preconditions.mixture import Mixture
 from p2l.preconditions.record import Preconditions
 from p2l.skills.relative import SIZE, Timing
-from tests.worlds.push import DOWN, Push, options
+from p2l.worlds.table import WORLDS
 
 NAMES = ("past_m", "beside_m")
 TIMING = Timing((6, 6, 6), (0, 0, 2))
@@ -33,14 +34,14 @@ class Seen(Push):
         block = self.read(rows, "block_pos") + np.pad(error, ((0, 0), (1, 1)))
         return {**super()._seen(rows, error), "block_pos_m": block, "grip_quat": self.read(rows, "grip_quat")}
 
+    def symbols(self):
+        return PushSymbols()
 
-class Symbols:
+
+class PushSymbols:
     """See `p2l.contracts.symbols.Symbols`."""
 
     names, context, far = NAMES, (0, 1), np.array([0.05, 0.02])
-
-    def __init__(self, world):
-        self.world = world
 
     def state(self, known):
         return np.column_stack([known["grip_pos_m"][:, 0], known["grip_pos_m"][:, 1] - known["block_y_m"][:, 0]])
@@ -53,8 +54,7 @@ class Symbols:
         return np.zeros(len(state), dtype=np.bool_)
 
 
-registry.register_world("push_back", world=f"{__name__}:Seen", options="tests.worlds.push:options")
-registry.register_symbols("push_back", f"{__name__}:Symbols")
+WORLDS.register("push_back", f"{__name__}:Seen")
 
 
 def gaussian(mean, spread):
@@ -72,7 +72,7 @@ def preconditions(world):
 def setting(**params):
     """World, task and nominal options."""
     world = Seen(**{"nthread": 1, "sigma_m": 0.03, "estimator": "halving", **params})
-    return world, Task(world, Symbols(world), preconditions(world)), options(world)
+    return world, RecoveryTask(world, PushSymbols(), preconditions(world)), world.nominal_options()
 
 
 def modes(world):

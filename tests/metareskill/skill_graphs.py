@@ -4,7 +4,7 @@ import numpy as np
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from p2l.metareskill.choosers.choose import get_chooser
+from p2l.metareskill.choosers.table import make_chooser
 from p2l.metareskill.graph import SkillGraph
 from p2l.metareskill.history import History, Round, Trained
 from p2l.metareskill.loop import learn
@@ -46,7 +46,7 @@ def replayed(curves):
 def run(graph, name, recorded, rounds, seed=0, /, **params):
     """The history of a whole loop on recorded curves."""
     rng = np.random.Generator(np.random.PCG64(seed))
-    *_, last = learn(graph, get_chooser(name, params), replayed(recorded), rounds=rounds, rng=rng)
+    *_, last = learn(graph, make_chooser(name, params), replayed(recorded), rounds=rounds, rng=rng)
     return last
 
 

@@ -7,14 +7,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from p2l.errors import ConfigError, ShapeError
-from p2l.metareskill.choosers.choose import get_chooser, known_choosers, register
 from p2l.metareskill.choosers.oracle import best_plan, best_values, regret
+from p2l.metareskill.choosers.table import CHOOSERS, make_chooser
 from p2l.metareskill.history import hopeless
 from p2l.metareskill.improvement import improvement
 from p2l.metareskill.value_iteration import predicted_value, value_of_failures
 from tests.metareskill.skill_graphs import fresh, graphs, run, saturating, written
 
-CONF = Path(__file__).parents[3] / "conf" / "chooser"
+CONF = Path(__file__).parents[2] / "conf" / "chooser"
 GRAPH = fresh()
 CURVES = saturating(np.random.default_rng(7), GRAPH, 60)
 
@@ -26,11 +26,11 @@ def params(name, rounds):
 
 
 def test_every_chooser_has_its_file():
-    assert {path.stem for path in CONF.glob("*.yaml")} == set(known_choosers())
+    assert {path.stem for path in CONF.glob("*.yaml")} == set(CHOOSERS.names())
     assert all(yaml.safe_load(path.read_text())["name"] == path.stem for path in CONF.glob("*.yaml"))
 
 
-@pytest.mark.parametrize("name", known_choosers())
+@pytest.mark.parametrize("name", CHOOSERS.names())
 def test_a_chooser_repeats_itself_and_never_beats_the_oracle(name):
     first, second = (run(GRAPH, name, CURVES, 50, **params(name, 50)) for _ in range(2))
     assert [(each.mode, each.target) for each in first.rounds] == [(each.mode, each.target) for each in second.rounds]
@@ -134,14 +134,14 @@ def test_metareskill_needs_less_budget_than_round_robin():
 
 
 def test_unknown_choosers_and_settings_are_refused():
-    with pytest.raises(ConfigError, match="known choosers: metareskill, oracle"):
-        get_chooser("greedy")
-    with pytest.raises(ConfigError, match=r"unknown settings \['alpha'\]; it takes .*'confidence'"):
-        get_chooser("metareskill", {"alpha": 0.9})
+    with pytest.raises(ConfigError, match="unknown chooser 'greedy'; known: metareskill, oracle"):
+        make_chooser("greedy")
+    with pytest.raises(ConfigError, match=r"unknown parameters \['alpha'\]; allowed: initial_rounds, .*confidence"):
+        make_chooser("metareskill", {"alpha": 0.9})
     with pytest.raises(ConfigError, match="already registered"):
-        register("ucb1", "p2l.metareskill.choosers.rules:round_robin")
+        CHOOSERS.register("ucb1", "p2l.metareskill.choosers.rules:round_robin")
     with pytest.raises(ConfigError, match="no colon"):
-        register("new", "p2l")
+        CHOOSERS.register("new", "p2l")
 
 
 @pytest.mark.parametrize(
@@ -161,7 +161,7 @@ def test_unknown_choosers_and_settings_are_refused():
 )
 def test_settings_out_of_range_are_refused_before_any_training(name, settings):
     with pytest.raises(ConfigError, match=" given; "):
-        get_chooser(name, settings)
+        make_chooser(name, settings)
 
 
 def test_curves_of_another_graph_are_refused():

@@ -6,7 +6,7 @@ import pytest
 
 from p2l.artifacts import load_arrays, save_arrays
 from p2l.errors import ConfigError, ShapeError
-from p2l.metareskill.choosers.choose import get_chooser
+from p2l.metareskill.choosers.table import make_chooser
 from p2l.metareskill.history import History, Trained, table
 from p2l.metareskill.loop import learn
 from tests.metareskill.skill_graphs import fresh, replayed, run, saturating, written
@@ -18,7 +18,7 @@ SETTINGS = {"initial_rounds": 2}
 
 def steps(chooser, rounds, *, seed=0, **more):
     rng = np.random.Generator(np.random.PCG64(seed))
-    return learn(GRAPH, get_chooser(chooser, SETTINGS), replayed(CURVES), rounds=rounds, rng=rng, **more)
+    return learn(GRAPH, make_chooser(chooser, SETTINGS), replayed(CURVES), rounds=rounds, rng=rng, **more)
 
 
 def same(one, other):
@@ -56,7 +56,7 @@ def test_the_trainer_learns_how_often_it_was_asked():
         return Trained(0.1 * attempt)
 
     *_, last = learn(
-        fresh(1, nominal=(0.9,)), get_chooser("round_robin"), train, rounds=4, episodes=2, rng=np.random.default_rng(0)
+        fresh(1, nominal=(0.9,)), make_chooser("round_robin"), train, rounds=4, episodes=2, rng=np.random.default_rng(0)
     )
     assert asked == [(0, j, 2 * turn + e) for turn in (0, 1) for j in (0, 1) for e in (0, 1)]
     np.testing.assert_allclose(last.best, [[0.3, 0.3]])
@@ -78,7 +78,7 @@ def test_rounds_are_explained():
 def test_a_failed_query_is_kept_as_a_failure():
     *_, last = learn(
         GRAPH,
-        get_chooser("round_robin"),
+        make_chooser("round_robin"),
         lambda *_: Trained(0.0, trials=20, solved=False),
         rounds=3,
         rng=np.random.default_rng(0),
@@ -107,7 +107,7 @@ def test_bad_requests_are_refused_before_any_training():
         steps("metareskill", 30, episodes=0)
     with pytest.raises(ConfigError, match="other recoveries"):
         steps("metareskill", 30, history=History(np.zeros((3, 5))))
-    chooser, rng = get_chooser("round_robin"), np.random.Generator(np.random.MT19937(0))
+    chooser, rng = make_chooser("round_robin"), np.random.Generator(np.random.MT19937(0))
     with pytest.raises(ConfigError, match="PCG64, got MT19937"):
         learn(GRAPH, chooser, replayed(CURVES), rounds=3, rng=rng)
     with pytest.raises(ShapeError, match=r"q = 1\.5"):

@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from p2l.errors import ArtifactError, ConfigError
-from p2l.metareskill.episodes import Book, Place, episodes
+from p2l.metareskill.episodes import EpisodeLedger, Place, episodes
 from p2l.metareskill.record import load_recoveries, save_recoveries
 from p2l.metareskill.strategies import STRATEGIES, playbook
 from p2l.skills.chain import FINISH, Moments
@@ -154,7 +154,7 @@ def ran(tmp_path_factory):
     world, task, nominal = pb.setting()
     classifier = pb.modes(world)
     place = Place("push_back", "", world, task, nominal, episodes=12, slots=12)
-    records = Book(tmp_path_factory.mktemp("records"), "", seed=5, max_options=4)
+    records = EpisodeLedger(tmp_path_factory.mktemp("records"), "", seed=5, max_options=4)
 
     def all_of(seed=0, q=BEST):
         learnt = pb.recoveries(task, classifier, q)

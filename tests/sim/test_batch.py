@@ -2,13 +2,13 @@ import mujoco
 import numpy as np
 import pytest
 
-from p2l.domains.insertion.physics import Physics, build_model, start_states
+from p2l.domains.insertion.physics import InsertionPhysics, build_model, start_states
 from p2l.errors import ConfigError, ShapeError
 from p2l.sim.batch import Engine
 from p2l.sim.model import Impedance, add_impedance
 from p2l.sim.trace import Trace
 
-PHYSICS = Physics()
+PHYSICS = InsertionPhysics()
 WALLS = [np.array([[0.0, -0.016, 0.05, 0.005]]), np.array([[0.016, 0.0, 0.005, 0.05]])]
 QUAT = np.array([1.0, 0.0, 0.0, 0.0])
 
@@ -70,7 +70,7 @@ def test_restoring_a_row_replays_it_to_the_bit(reference):
 
 def test_free_motion_is_a_spring_damper():
     """Without contact the grip obeys m·a = k·(target − x) − d·v; compared with the analytic step response."""
-    physics = Physics(damping_linear=8.0, hold_mass_kg=0.2)
+    physics = InsertionPhysics(damping_linear=8.0, hold_mass_kg=0.2)
     stiffness, offset = 80.0, 0.01
     with Engine([build_model(WALLS[0], physics)], control_period_s=0.004, nthread=1) as engine:
         states = start_states(engine, np.zeros((1, 2)), physics)

@@ -4,12 +4,13 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from p2l.contracts.world import NO_FAILURE, Command, advance
+from examples.push.world import Push
+from p2l.contracts.rows import Command
+from p2l.contracts.world import NO_FAILURE, advance
 from p2l.errors import ConfigError
 from p2l.skills import chain
 from p2l.skills.follow import Follow, Waypoints
 from p2l.skills.runner import Reason, Runner
-from tests.worlds.push import Push, options
 
 
 def wait(steps: int, name: str) -> Follow:
@@ -66,8 +67,8 @@ def test_a_timeout_ends_an_option_that_never_does(world):
 
 def test_a_flag_stops_the_episode_or_is_noted(world):
     rows = world.sample(np.random.default_rng(2), 40)
-    stopped = chain.run(world, options(world), rows)
-    noted = chain.run(world, options(world), rows, stop_on_failure=False)
+    stopped = chain.run(world, world.nominal_options(), rows)
+    noted = chain.run(world, world.nominal_options(), rows, stop_on_failure=False)
     flagged = stopped.last.kind != NO_FAILURE
     assert 0 < flagged.sum() < len(rows)
     assert_array_equal(flagged, stopped.last.reason == Reason.FAILED)
@@ -80,7 +81,7 @@ def test_a_flag_stops_the_episode_or_is_noted(world):
 
 def test_more_episodes_than_slots_change_nothing(world):
     rows = world.sample(np.random.default_rng(3), 9)
-    few, many = (chain.run(world, options(world), rows, slots=slots) for slots in (2, 9))
+    few, many = (chain.run(world, world.nominal_options(), rows, slots=slots) for slots in (2, 9))
     assert_array_equal(few.last.rows.states, many.last.rows.states)
     assert_array_equal(few.ends.episode, many.ends.episode)
     assert_array_equal(few.last.path_m, many.last.path_m)
@@ -88,9 +89,9 @@ def test_more_episodes_than_slots_change_nothing(world):
 
 def test_a_diverging_row_is_put_aside_and_the_batch_goes_on(world):
     rows = world.sample(np.random.default_rng(4), 3)
-    sound = chain.run(world, options(world), rows)
+    sound = chain.run(world, world.nominal_options(), rows)
     rows.states[1, 1 + world.engine.nq] = 1e12
-    run = chain.run(world, options(world), rows)
+    run = chain.run(world, world.nominal_options(), rows)
     assert_array_equal(run.diverged, [False, True, False])
     assert run.last.reason[1] == Reason.DIVERGED
     assert not run.success[1]

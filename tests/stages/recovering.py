@@ -5,14 +5,13 @@ from pathlib import Path
 import numpy as np
 from hydra import compose, initialize_config_dir
 
-from p2l import registry
+from examples.push.skills import DOWN, behind
 from p2l.schema import SCHEMAS, resolve, validate
 from p2l.skills.follow import Follow, Waypoints
 from p2l.tracking import RunCard, Tracker, start
+from p2l.worlds.table import WORLDS
 from stages import cluster, discover, fit_preconditions, learn_recoveries
 from tests.metareskill.pushing_back import Seen
-from tests.worlds import push
-from tests.worlds.push import DOWN, HALF_BLOCK_M
 
 ROOT = Path(__file__).resolve().parents[2]
 STAGES = {
@@ -25,29 +24,25 @@ WORLD = {"name": "push_seen", "params": {"sigma_m": 0.03, "nthread": 1}}
 SMALL = {"legs": [6, 6, 6], "settle": [0, 0, 2]}
 
 
-def push_seen(*, estimator="fixed", sigma_m=0.03, nthread=1):
-    """The push world in which the hand's orientation is known, under a name of its own."""
-    world = Seen(estimator=estimator, sigma_m=sigma_m, nthread=nthread)
-    world.name = WORLD["name"]
-    return world
+class PushSeen(Seen):
+    """The push world in which the hand's orientation is known, under a name and with nominal skills of its own."""
+
+    def __init__(self, *, estimator="fixed", sigma_m=0.03, nthread=1):
+        super().__init__(estimator=estimator, sigma_m=sigma_m, nthread=nthread)
+        self.name = WORLD["name"]
+
+    def nominal_options(self):
+        """Come alongside by a sideways step, so that a hand that is past the block is lost; then push."""
+
+        def sideways(seen):
+            x, z = (seen["target_pos_m"][:, axis] for axis in (0, 2))
+            pos = np.stack([x, seen["block_y_m"][:, 0], z], axis=1)
+            return Waypoints(pos[:, None], np.tile(DOWN, (len(seen), 1, 1)), np.zeros((len(seen), 1)))
+
+        return Follow("align", sideways, (10,), (3,), behind), super().nominal_options()[1]
 
 
-def options(world):
-    """Come alongside by a sideways step, so that a hand that is past the block is lost; then push."""
-
-    def sideways(seen):
-        x, z = (seen["target_pos_m"][:, axis] for axis in (0, 2))
-        pos = np.stack([x, seen["block_y_m"][:, 0], z], axis=1)
-        return Waypoints(pos[:, None], np.tile(DOWN, (len(seen), 1, 1)), np.zeros((len(seen), 1)))
-
-    def behind(truth):
-        return truth["grip_pos_m"][:, 0] < truth["block_pos_m"][:, 0] - HALF_BLOCK_M
-
-    return Follow("align", sideways, (10,), (3,), behind), push.options(world)[1]
-
-
-registry.register_world(WORLD["name"], world=f"{__name__}:push_seen", options=f"{__name__}:options")
-registry.register_symbols(WORLD["name"], "tests.metareskill.pushing_back:Symbols")
+WORLDS.register(WORLD["name"], f"{__name__}:PushSeen")
 
 
 def configured(name, **changes):

@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from p2l.chaining.learner import Learner, Task
+from p2l.chaining.learner import ChainTask, Learner
 from p2l.chaining.mdp import Limits, Played
 from p2l.records import Array, BoolArray
 
 
-def learner(task: Task, limits: Limits, *, price_per_m: float = 1.0) -> Learner:
+def learner(task: ChainTask, limits: Limits, *, price_per_m: float = 1.0) -> Learner:
     """RecoveryChaining that prefers short ways."""
 
     def judge(played: Played) -> tuple[Array, BoolArray]:

@@ -18,13 +18,14 @@ from mlflow import MlflowClient
 from omegaconf import OmegaConf
 
 from p2l.artifacts import load_json, load_table
+from p2l.chaining import comparison
 from p2l.chaining.agent import load_agent
 from p2l.chaining.checkpoint import FILE
+from p2l.chaining.clips import nominal_clip, recovery_clip
 from p2l.chaining.execute import recover
-from p2l.chaining.learners.table import register_learner
+from p2l.chaining.learners.table import LEARNERS
 from p2l.chaining.policy import load_policy, policy_hash
 from p2l.errors import ArtifactError, ConfigError
-from p2l.evaluation.video.chains import nominal_clip, recovery_clip
 from p2l.evaluation.video.player import NoGLError, backend
 from p2l.failures.record import load_failures, open_world
 from p2l.schema import SCHEMAS, ChainRecoveriesConfig, resolve, validate
@@ -262,7 +263,9 @@ def test_what_cannot_be_learnt_from_is_refused(found, tmp_path):
         learn(found, tmp_path, world={"name": "push", "params": {**PUSH["params"], "estimator": "exact"}})
     with pytest.raises(ConfigError, match="less than one round of 24 decisions of 10 control steps; give at least 240"):
         learn(found, tmp_path, budget=239)
-    with pytest.raises(ConfigError, match=r"learner\.name: given 'sac'; unknown learner; allowed: lazy_rc, pp, rc, rl"):
+    with pytest.raises(
+        ConfigError, match=r"learner\.name: given 'sac'; unknown learner 'sac'; known: lazy_rc, pp, rc, rl"
+    ):
         learn(found, tmp_path, "sac")
     with pytest.raises(ConfigError, match="no dense reward for world 'push'"):
         learn(found, tmp_path, "rl")
@@ -318,14 +321,14 @@ def test_a_finished_run_is_neither_repeated_nor_overwritten(found, tmp_path, mon
 
 def test_what_another_clone_has_learnt_meanwhile_is_not_learnt_again(found, learnt, tmp_path, monkeypatch):
     learnt_here = []
-    prepare = chain_recoveries._prepare
+    prepare = comparison.prepare
 
-    def slow(cfg, failures):
+    def slow(run, failures, path):
         shutil.copytree(learnt / "records", tmp_path / "records", dirs_exist_ok=True)
-        learnt_here.append(cfg.learner.name)
-        return prepare(cfg, failures)
+        learnt_here.append(run.name)
+        return prepare(run, failures, path)
 
-    monkeypatch.setattr(chain_recoveries, "_prepare", slow)
+    monkeypatch.setattr(comparison, "prepare", slow)
     compare(found, tmp_path / "run", records=str(tmp_path / "records"), compare=["rc"])
     assert learnt_here == ["rc"]
     assert not (tmp_path / "run" / "runs").exists()
@@ -352,7 +355,7 @@ def test_a_single_run_can_be_judged_where_it_lies(alone, tmp_path):
 
 def test_a_learner_of_ones_own_is_compared_and_judged(found, tmp_path):
     """The one of docs/chains.md."""
-    register_learner("short", "tests.stages.short_learner")
+    LEARNERS.register("short", "tests.stages.short_learner:learner")
     both = {name: {"name": name, "params": {}} for name in ("rc", "short")}
     compare(found, tmp_path / "run", learners=both, compare=["rc", "short"])
     evaluate(tmp_path, tmp_path / "judged", learners=["rc", "short"])
@@ -383,8 +386,6 @@ def test_a_killed_training_goes_on_in_the_same_run(found, tmp_path):
         row["control_steps"] for row in kept["evaluations"]
     ]
     assert evaluations["control_steps"].iloc[-1] >= TRACKED["budget"]
-    times = [row["seconds"] for row in kept["evaluations"]]  # another run would have others
-    assert evaluations["seconds"].iloc[: len(times)].tolist() == pytest.approx(times, rel=1e-5)
 
 
 def test_watch_films_a_failure_beside_its_recovery(alone, found, tmp_path, capsys):

@@ -11,12 +11,12 @@ from hydra import compose, initialize_config_dir
 from p2l.errors import ConfigError
 from p2l.schema import SCHEMAS, ConfigStageConfig, resolve, validate
 from p2l.tracking import Tracker
-from stages import config
+from stages import _composition, config
 
 ROOT = Path(__file__).resolve().parents[2]
 PRESETS = sorted(path.stem for path in (ROOT / "conf" / "experiment").glob("*.yaml"))
 DOMAINS = sorted(path.stem for path in (ROOT / "conf" / "domain").glob("*.yaml"))
-STAGES = config.WORLD_STAGES
+STAGES = _composition.WORLD_STAGES
 WORLDS = sorted(path.stem for path in (ROOT / "conf" / "world").glob("*.yaml"))
 CHAINED = ["pick_place", "shelf", "cluttered_shelf", "shelf_ur5e"]
 DOORS = [world for world in WORLDS if world.startswith("door")]  # the worlds that have symbols
@@ -49,10 +49,10 @@ def test_every_preset_configures_every_stage_of_every_item(tmp_path, preset):
     chained = f"chain_worlds=[{','.join(CHAINED)}]"
     configure(tmp_path, f"preset={preset}", f"domains=[{','.join(DOMAINS)}]", worlds, doors, chained)
     items = {path.relative_to(tmp_path).as_posix() for path in tmp_path.glob("*/*.yaml")}
-    of_domains = {f"{domain}/{stage}.yaml" for domain in DOMAINS for stage in config.DOMAIN_STAGES}
-    of_worlds = {f"{world}/{stage}.yaml" for world in WORLDS for stage in config.WORLD_STAGES}
-    of_doors = {f"{door}/{stage}.yaml" for door in DOORS for stage in config.RECOVERY_STAGES}
-    of_chained = {f"{world}/{stage}.yaml" for world in CHAINED for stage in config.CHAIN_STAGES}
+    of_domains = {f"{domain}/{stage}.yaml" for domain in DOMAINS for stage in _composition.DOMAIN_STAGES}
+    of_worlds = {f"{world}/{stage}.yaml" for world in WORLDS for stage in _composition.WORLD_STAGES}
+    of_doors = {f"{door}/{stage}.yaml" for door in DOORS for stage in _composition.RECOVERY_STAGES}
+    of_chained = {f"{world}/{stage}.yaml" for world in CHAINED for stage in _composition.CHAIN_STAGES}
     assert items == of_domains | of_worlds | of_doors | of_chained | {"report/report.yaml"}
     for path in tmp_path.glob("*/*.yaml"):
         content = yaml.safe_load(path.read_text())
@@ -103,7 +103,9 @@ def test_the_pipeline_trains_what_its_preset_compares(tmp_path):
     items = "worlds=[door,pick_place,shelf]", "chain_worlds=[shelf]"
     configure(tmp_path, "preset=thesis", "domains=[lego]", *items, "+overrides.chain_recoveries=['seeds=[3]']")
     assert not (tmp_path / "pick_place" / "chain_recoveries.yaml").exists()
-    learn, judge = (yaml.safe_load((tmp_path / "shelf" / f"{stage}.yaml").read_text()) for stage in config.CHAIN_STAGES)
+    learn, judge = (
+        yaml.safe_load((tmp_path / "shelf" / f"{stage}.yaml").read_text()) for stage in _composition.CHAIN_STAGES
+    )
     assert (learn["compare"], learn["seeds"]) == (["rc", "lazy_rc", "pp", "rl"], [3])
     assert learn["failures"] == "data/discover/shelf/failures_train.npz"
     assert judge["learnt"] == "data/chain_recoveries/shelf"
@@ -127,7 +129,7 @@ def test_the_pipeline_trains_what_its_preset_compares(tmp_path):
         ("chain_worlds=[ant]", "chain_worlds names ant; worlds has: door, pick_place"),
         ("+overrides.chain_recoveries=['compare=[sac]']", "compare names sac; learners has: rc, lazy_rc, pp, rl"),
         ("recovery_worlds=[door,door]", "recovery_worlds names a world twice"),
-        ("recovery_worlds=[shelf]", "world.name: given 'shelf'; no symbols, so no skill graph; worlds that have: door"),
+        ("recovery_worlds=[shelf]", "Shelf has no symbols, so no skill graph; give it a method `symbols`"),
         ("cluster_worlds=[shelf,door,pick_place,cluttered_shelf]", "cluster_worlds and recovery_worlds both name door"),
         ("cluster_worlds=[shelf]", "neither cluster_worlds nor recovery_worlds names pick_place, cluttered_shelf"),
         ("+overrides.discover=['strategy=optimistic']", "strategy: given 'optimistic'"),

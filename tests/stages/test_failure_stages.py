@@ -76,7 +76,9 @@ def test_discover_leaves_two_splits_that_share_nothing(discovered):
     summary = load_json(out / "summary.json", schema="discover_summary", version=1)
     assert (summary["train"]["failures"], summary["held_out"]["failures"]) == (len(train), len(held_out))
     assert (summary["strategy"], summary["estimator"]) == ("pessimistic", "fixed")
-    assert summary["episodes_per_s"] > 0
+    assert heard.values["episodes_per_s"] > 0
+    assert not [name for name in summary if "_per_s" in name or "seconds" in name]  # it differs from machine to machine
+    assert json.loads((out / "times.json").read_text())["seconds"] > 0
     assert heard.values["train/success"] == summary["train"]["success"]["mean"]
 
 
@@ -174,7 +176,7 @@ def test_a_damaged_failure_file_is_one_message(discovered, tmp_path):
 @pytest.mark.parametrize(
     ("words", "parts"),
     [
-        (("world.name=doors",), ("world.name: given 'doors'", "allowed: cluttered_shelf, door, pick_place", "shelf")),
+        (("world.name=doors",), ("world.name: given 'doors'", "known: cluttered_shelf, door, pick_place", "shelf")),
         (("world=doors",), ("world/doors", "pick_place")),
         (("world.params.arm=Kuka",), ("unknown arm 'Kuka'", "Panda", "UR5e")),
         (("world.params.handle=9",), ("unknown handle 9", "1, 2, 3, 4, 5")),

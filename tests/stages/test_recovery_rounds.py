@@ -46,7 +46,7 @@ def test_a_second_round_goes_on_from_the_first(folder, tmp_path):
     assert table[table["seed"] == "all"]["success"].tolist() == mine["success"].tolist()
     assert (out / "success.png").stat().st_size > 10_000
 
-    world = recovering.push_seen()
+    world = recovering.PushSeen()
     fitted = load_preconditions(recovering.found(folder)["preconditions"], world)
     rounds = [out / "s0" / f"round_{number}" for number in (1, 2)]
     modes = [load_modes(each / "modes.npz", world) for each in rounds]

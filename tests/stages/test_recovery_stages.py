@@ -11,21 +11,21 @@ import pytest
 from mlflow import MlflowClient
 
 from p2l.artifacts import load_arrays, load_json
+from p2l.contracts.world import symbols_of
 from p2l.errors import ArtifactError, ConfigError
 from p2l.failures.classifier import load_modes, save_modes
 from p2l.failures.lost import lost
 from p2l.failures.record import load_failures, save_failures
 from p2l.metareskill.record import load_recoveries
 from p2l.preconditions.record import load_preconditions, save_preconditions
-from p2l.registry import get_symbols
-from tests.stages.recovering import ROOT, WORLD, found, learn, prepare, push_seen
+from tests.stages.recovering import ROOT, WORLD, PushSeen, found, learn, prepare
 
 RESULTS = ("rounds.csv", "figure_4_6.csv", "figure_4_7.csv", "choosers.csv")
 KILL = """
 import os, signal, sys
 from pathlib import Path
 from p2l.metareskill.ledger import Ledger
-from tests.stages.recovering import learn
+from tests.stages.recovering import ROOT, WORLD, PushSeen, found, learn, prepare
 
 add = Ledger.add
 def killed(self, key, entry):
@@ -57,7 +57,7 @@ def tracked(folder, tmp_path_factory):
 
 def test_preconditions_are_judged_on_held_out_samples(folder):
     out = folder / "fit_preconditions"
-    preconditions = load_preconditions(out / "preconditions.npz", push_seen())
+    preconditions = load_preconditions(out / "preconditions.npz", PushSeen())
     assert preconditions.targets == ("align", "push", "goal")
     scores, curve = pd.read_csv(out / "scores.csv"), pd.read_csv(out / "accuracy.csv")
     accuracy = scores[scores["metric"] == "accuracy"].set_index("skill")
@@ -85,7 +85,7 @@ def test_learning_leaves_skills_rounds_and_figures(folder, tracked):
     before = rounds.groupby(["seed", "chooser", "mode", "target"]).cumcount()
     curves = rounds.assign(before=before).groupby(["seed", "mode", "target", "before"])["q"].nunique()
     assert (curves == 1).all()  # every chooser sees the same learning curves
-    world = push_seen()
+    world = PushSeen()
     files = found(folder)
     given = load_preconditions(files["preconditions"], world), load_modes(files["modes"], world)
     learnt = load_recoveries(out / "recoveries" / "s0.npz", world, *given)
@@ -158,7 +158,7 @@ def test_a_killed_training_goes_on_to_the_bit_in_the_same_runs(folder, tracked, 
 
 
 def test_what_belongs_to_another_world_is_refused(folder, tracked, tmp_path):
-    out, world, files = tmp_path / "out", push_seen(), found(folder)
+    out, world, files = tmp_path / "out", PushSeen(), found(folder)
     preconditions, modes = load_preconditions(files["preconditions"], world), load_modes(files["modes"], world)
     save_preconditions(tmp_path / "preconditions.npz", replace(preconditions, digest="another"))
     save_modes(tmp_path / "modes.npz", replace(modes, digest="another"))
@@ -173,7 +173,7 @@ def test_what_belongs_to_another_world_is_refused(folder, tracked, tmp_path):
     others = {
         "preconditions": (world, replace(preconditions, threshold=0.6), modes),
         "modes": (world, preconditions, replace(modes, means=modes.means + 1.0)),
-        "digest": (push_seen(sigma_m=0.025), preconditions, modes),
+        "digest": (PushSeen(sigma_m=0.025), preconditions, modes),
     }
     for name, given in others.items():
         with pytest.raises(ArtifactError, match=f"learnt with another {name}; give the files"):
@@ -189,7 +189,7 @@ def test_a_budget_below_the_initial_rounds_is_refused_whichever_chooser_needs_th
 
 def test_where_no_recovery_ever_succeeds_that_is_said_and_nothing_breaks(folder, tmp_path, caplog):
     """Preconditions two metres away, and motions of three control steps."""
-    world, files = push_seen(), found(folder)
+    world, files = PushSeen(), found(folder)
     fitted, modes = load_preconditions(files["preconditions"], world), load_modes(files["modes"], world)
     away = [replace(each, positive=replace(each.positive, means=each.positive.means + 2.0)) for each in fitted.skills]
     far = replace(fitted, skills=tuple(away))
@@ -206,12 +206,12 @@ def test_where_no_recovery_ever_succeeds_that_is_said_and_nothing_breaks(folder,
 
 
 def test_modes_are_of_failures_where_no_learnt_precondition_holds(folder):
-    files, world = found(folder), push_seen()
+    files, world = found(folder), PushSeen()
     fitted = load_preconditions(files["preconditions"], world)
     labels = load_arrays(folder / "cluster" / "labels.npz", schema="failure_labels", version=1)
     for split, name in (("train", "failures"), ("held_out", "held_out")):
         failures = load_failures(files[name], split)
-        left = lost(world, get_symbols(world.name, world), fitted, failures)
+        left = lost(world, symbols_of(world), fitted, failures)
         assert 0 < len(left) < len(failures)
         np.testing.assert_array_equal(labels[f"{split}_index"], left)
     table = pd.read_csv(folder / "cluster" / "modes.csv")
@@ -221,10 +221,10 @@ def test_modes_are_of_failures_where_no_learnt_precondition_holds(folder):
 
 
 def test_a_mode_of_one_failure_is_learnt_and_one_without_held_out_failures_refused(folder, tmp_path):
-    files, world = found(folder), push_seen()
+    files, world = found(folder), PushSeen()
     train, held_out = (load_failures(files[name]) for name in ("failures", "held_out"))
     modes, fitted = load_modes(files["modes"], world), load_preconditions(files["preconditions"], world)
-    train = train.take(lost(world, get_symbols(world.name, world), fitted, train))
+    train = train.take(lost(world, symbols_of(world), fitted, train))
     kept = np.flatnonzero(modes.classify(train.truth)[0] == 0)
     one = np.append(kept, np.setdiff1d(np.arange(len(train)), kept)[:1])
     save_failures(tmp_path / "train.npz", train.take(one))
@@ -238,7 +238,7 @@ def test_a_mode_of_one_failure_is_learnt_and_one_without_held_out_failures_refus
 
 
 def test_a_mode_without_failures_is_refused(folder, tmp_path):
-    modes = load_modes(found(folder)["modes"], push_seen())
+    modes = load_modes(found(folder)["modes"], PushSeen())
     third = {
         "weights": np.array([0.4, 0.4, 0.2]),
         "means": np.vstack([modes.means, modes.means[:1] + 1e3]),

@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from p2l.team import Problem
-from p2l.team.facility.reduction import facility_cost
 
 probability = st.one_of(st.sampled_from([0.0, 0.1, 0.5, 0.9, 1.0]), st.floats(0.0, 1.0, width=32))
 cost = st.one_of(st.sampled_from([0.0, 10.0, 100.0, 200.0]), st.floats(0.0, 300.0, width=32))
@@ -37,10 +36,17 @@ def tables(draw, facilities=7, demands=8):
     return opening, draw(hnp.arrays(np.float64, shape, elements=cost)) * scale
 
 
+def facility_cost(opening, service, open_set):
+    """Equation 3.3, from scratch: opening [F] plus cheapest service [D, F]; infinite when nothing is open."""
+    if not open_set.any():
+        return float("inf")
+    return float(opening[open_set].sum() + service[:, open_set].min(axis=1).sum())
+
+
 def cheapest_by_hand(opening, service):
     """Every nonempty open set."""
     sets = (np.array(bits) for bits in product([False, True], repeat=len(opening)) if any(bits))
-    return min(facility_cost(opening, service, opened) for opened in sets)
+    return min(facility_cost(opening, service, open_set) for open_set in sets)
 
 
 def thesis_set(n=10, transfer=None, pretrained=0.0, c_demo=200.0):
@@ -61,3 +67,11 @@ def geometric(n, seed=0):
     place = rng.random((n, 2))
     distance = np.linalg.norm(place[:, None] - place[None], axis=2)
     return thesis_set(n, np.exp(-distance / 0.3))
+
+
+def dense(size, kind, seed):
+    """Like Koerkel and Ghosh: random service costs, opening costs of three magnitudes, large gaps."""
+    rng = np.random.default_rng(seed)
+    low = {"a": 100, "b": 1000, "c": 10_000}[kind]
+    opening = rng.integers(low, 2 * low + 1, size).astype(float)
+    return opening, rng.integers(1000, 2001, (size, size)).astype(float)

@@ -5,15 +5,15 @@ import pytest
 
 from p2l.errors import SolverError
 from p2l.team import plan, solve_facility_location
-from p2l.team.certificate import check, check_facility_location
+from p2l.team.certificate import check_certificate, check_facility_location
 from tests.team.team_instances import geometric
 
 PROBLEM = geometric(50)
 PLAN = plan(PROBLEM, "facility")
 
 
-def with_certificate(made, **change):
-    return dataclasses.replace(made, certificate=dataclasses.replace(made.certificate, **change))
+def with_certificate(result, **change):
+    return dataclasses.replace(result, certificate=dataclasses.replace(result.certificate, **change))
 
 
 def raised(v):
@@ -24,11 +24,11 @@ def raised(v):
 
 @pytest.mark.parametrize("planner", ["highs", "facility", "greedy", "dual_ascent"])
 def test_an_honest_certificate_passes(planner):
-    made = plan(PROBLEM, planner)
-    verdict = check(PROBLEM, made)
-    assert verdict.cost == pytest.approx(made.objective)
+    result = plan(PROBLEM, planner)
+    verdict = check_certificate(PROBLEM, result)
+    assert verdict.cost == pytest.approx(result.objective)
     assert verdict.bound <= plan(PROBLEM).objective * (1 + 1e-9)
-    assert verdict.gap == pytest.approx((made.objective - verdict.bound) / made.objective, abs=1e-12)
+    assert verdict.gap == pytest.approx((result.objective - verdict.bound) / result.objective, abs=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -48,12 +48,12 @@ def test_an_honest_certificate_passes(planner):
 )
 def test_a_tampered_one_is_refused(tampered, message):
     with pytest.raises(SolverError, match=message):
-        check(PROBLEM, tampered)
+        check_certificate(PROBLEM, tampered)
 
 
 def test_a_certificate_of_another_problem_is_refused():
     with pytest.raises(SolverError, match="certificate"):
-        check(geometric(50, seed=1), PLAN)
+        check_certificate(geometric(50, seed=1), PLAN)
 
 
 def test_the_certificate_of_a_facility_location_solution_is_checked_too():

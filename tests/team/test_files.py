@@ -129,8 +129,8 @@ def example():
 
 def test_a_written_plan_holds_the_decisions_and_their_costs(tmp_path):
     problem = example()
-    made = plan(problem)
-    write_plan(tmp_path / "new", problem, made)
+    result = plan(problem)
+    write_plan(tmp_path / "new", problem, result)
     with (tmp_path / "new" / "plan.csv").open(encoding="utf-8", newline="") as stream:
         rows = list(csv.DictReader(stream))
     assert list(rows[0]) == ["order", "task", "decision", "skill", "p_success", "expected_cost"]
@@ -142,18 +142,18 @@ def test_a_written_plan_holds_the_decisions_and_their_costs(tmp_path):
         ("4", "d", "act", "b"),
         ("5", "e, red", "delegate", ""),
     ]
-    assert sum(float(row["expected_cost"]) for row in rows) == pytest.approx(made.objective)
+    assert sum(float(row["expected_cost"]) for row in rows) == pytest.approx(result.objective)
     summary = json.loads((tmp_path / "new" / "plan.json").read_text(encoding="utf-8"))
     counts = ["n_tasks", "n_act", "n_delegate", "n_learn"]
     assert list(summary) == ["planner", "status", "objective", "lower_bound", "gap", "seconds", *counts]
     assert [summary[name] for name in counts] == [5, 2, 2, 1]
-    assert (summary["planner"], summary["status"], summary["objective"]) == ("auto", "optimal", made.objective)
+    assert (summary["planner"], summary["status"], summary["objective"]) == ("auto", "optimal", result.objective)
 
 
 def test_json_never_holds_nan_or_infinity(tmp_path):
     problem = example()
-    made = dataclasses.replace(plan(problem), lower_bound=-np.inf, gap=np.nan)
-    write_plan(tmp_path, problem, made)
+    result = dataclasses.replace(plan(problem), lower_bound=-np.inf, gap=np.nan)
+    write_plan(tmp_path, problem, result)
     summary = json.loads((tmp_path / "plan.json").read_text(encoding="utf-8"))
     assert summary["lower_bound"] is None
     assert summary["gap"] is None
@@ -161,8 +161,8 @@ def test_json_never_holds_nan_or_infinity(tmp_path):
 
 def test_the_reasons_say_what_each_lesson_saves():
     problem = example()
-    made = plan(problem)
-    text = explain(problem, made)
+    result = plan(problem)
+    text = explain(problem, result)
     # lesson b (150) serves c at 20 and d at 30; the person would have done b, c and d for 300
     assert "proven optimal" in text
     assert "without any lesson 500.0" in text
@@ -180,17 +180,17 @@ def test_the_reasons_are_given_for_every_kind_of_plan(planner):
 
 def test_numbers_are_written_without_the_noise_of_binary_fractions(tmp_path):
     problem = thesis_set(1, pretrained=0.95)
-    made = plan(problem)
-    assert made.expected_cost[0] != 15.0
-    write_plan(tmp_path, problem, made)
+    result = plan(problem)
+    assert result.expected_cost[0] != 15.0
+    write_plan(tmp_path, problem, result)
     assert (tmp_path / "plan.csv").read_text(encoding="utf-8").splitlines()[1] == "1,part 0,act,,0.95,15"
 
 
 def test_the_distance_from_the_optimum_is_relative_to_the_optimum():
     problem = example()
-    made = dataclasses.replace(plan(problem), status="time_limit", objective=400.0, lower_bound=320.0, gap=0.2)
-    assert "(time_limit, at most 25.00% above the optimum)" in explain(problem, made)
-    unbounded = dataclasses.replace(made, lower_bound=0.0, gap=1.0)
+    result = dataclasses.replace(plan(problem), status="time_limit", objective=400.0, lower_bound=320.0, gap=0.2)
+    assert "(time_limit, at most 25.00% above the optimum)" in explain(problem, result)
+    unbounded = dataclasses.replace(result, lower_bound=0.0, gap=1.0)
     assert "(time_limit, the optimum is at least 0.0)" in explain(problem, unbounded)
 
 
@@ -198,8 +198,8 @@ def test_a_free_order_shows_in_the_file(tmp_path):
     transfer = np.zeros((4, 4))
     transfer[3] = 1.0
     problem = dataclasses.replace(thesis_set(4, transfer), order="any")
-    made = plan(problem)
-    write_plan(tmp_path, problem, made)
+    result = plan(problem)
+    write_plan(tmp_path, problem, result)
     tasks = [line.split(",")[1] for line in (tmp_path / "plan.csv").read_text(encoding="utf-8").splitlines()[1:]]
     assert tasks == ["part 3", "part 0", "part 1", "part 2"]
-    assert made.count(Decision.LEARN) == 1
+    assert result.count(Decision.LEARN) == 1

@@ -25,13 +25,13 @@ def test_by_hand_the_lesson_that_loses_most_goes_first_and_the_one_that_pays_sta
 @given(problems(), st.data())
 def test_no_lesson_is_left_whose_removal_saves_and_none_was_dropped_that_paid(problem, data):
     taught = np.array(data.draw(st.lists(st.booleans(), min_size=problem.n, max_size=problem.n)))
-    kept = without_losses(problem, taught)
-    cost = total(problem, kept)
+    rest = without_losses(problem, taught)
+    cost = total(problem, rest)
     slack = 1e-9 * max(1.0, cost)
-    assert not (kept & ~taught).any()
+    assert not (rest & ~taught).any()
     assert cost <= total(problem, taught) + slack
-    for lesson in np.flatnonzero(kept):
-        fewer = kept.copy()
+    for lesson in np.flatnonzero(rest):
+        fewer = rest.copy()
         fewer[lesson] = False
         assert total(problem, fewer) >= cost - slack
 
@@ -39,10 +39,10 @@ def test_no_lesson_is_left_whose_removal_saves_and_none_was_dropped_that_paid(pr
 @pytest.mark.parametrize("planner", ["highs", "facility", "auto"])
 def test_every_lesson_of_a_plan_stopped_at_once_pays(planner):
     problem = geometric(400)
-    made = plan(problem, planner, time_limit_s=1e-3)
-    taught = made.decision == Decision.LEARN
-    assert made.lower_bound <= made.objective
-    for lesson in np.flatnonzero(taught):
-        fewer = taught.copy()
+    result = plan(problem, planner, time_limit_s=1e-3)
+    lessons = result.decision == Decision.LEARN
+    assert result.lower_bound <= result.objective
+    for lesson in np.flatnonzero(lessons):
+        fewer = lessons.copy()
         fewer[lesson] = False
-        assert total(problem, fewer) >= made.objective - 1e-6
+        assert total(problem, fewer) >= result.objective - 1e-6

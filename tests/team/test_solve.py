@@ -3,9 +3,8 @@ import pyomo.environ as pyo
 import pytest
 
 from p2l.errors import SolverError
-from p2l.team.facility.core import solve_core
-from p2l.team.facility.pairs import of_problem
-from p2l.team.mip.model import max_form, strong_form, taught_in
+from p2l.team.facility import of_problem, solve_program
+from p2l.team.mip.model import lessons_of, max_form, strong_form
 from p2l.team.mip.solve import solve_model
 from tests.team.team_instances import thesis_set
 
@@ -27,7 +26,7 @@ def test_the_array_route_refuses_them_too(part):
     broken = getattr(pairs, part).copy()
     broken[1] = np.nan
     with pytest.raises(SolverError, match="NaN or infinite"):
-        solve_core(pairs._replace(**{part: broken}), time_limit_s=5.0)
+        solve_program(pairs._replace(**{part: broken}), time_limit_s=5.0)
 
 
 @pytest.mark.parametrize("build", [max_form, strong_form])
@@ -45,9 +44,9 @@ def test_a_model_can_be_extended_and_both_forms_still_agree(build):
     model = build(problem)
     model.late = pyo.Constraint(expr=model.x[0] + model.x[1] + model.x[2] == 0)
     ending = solve_model(model, time_limit_s=30.0)
-    assert ending.finished
+    assert ending.complete
     assert pyo.value(model.cost) == pytest.approx(3 * 100 + 200 + 2 * (10 + 10))
-    assert taught_in(model).tolist() == [False, False, False, True, False, False]
+    assert lessons_of(model).tolist() == [False, False, False, True, False, False]
 
 
 @pytest.mark.parametrize("limit", [0.0, -1.0, float("nan")])
@@ -55,4 +54,4 @@ def test_a_time_limit_must_be_positive(limit):
     with pytest.raises(SolverError, match="must be above 0"):
         solve_model(strong_form(thesis_set(2)), time_limit_s=limit)
     with pytest.raises(SolverError, match="must be above 0"):
-        solve_core(of_problem(thesis_set(2)), time_limit_s=limit)
+        solve_program(of_problem(thesis_set(2)), time_limit_s=limit)

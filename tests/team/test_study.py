@@ -2,9 +2,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from p2l.domains.table import make_domain
 from p2l.errors import ConfigError
 from p2l.ledger import Item, find, write
-from p2l.registry import get_domain
 from p2l.team.execute import Truth, execute_plans, predicted_plans, recorded_rows, recorded_truth, true_plans
 from p2l.team.study import Regime, Study, make_block, make_problem, task_sets, tune_theta
 
@@ -14,7 +14,7 @@ STUDY = Study((HIGH,), sets=4, set_size=5, blocks=2, pool=8, pretrained_pool=3, 
 
 @pytest.fixture(scope="module")
 def lego():
-    return get_domain("lego")
+    return make_domain("lego")
 
 
 def overlap(taught, tested):
@@ -35,7 +35,7 @@ def test_sets_are_spread_over_blocks_and_repeat_with_the_seed(lego):
 
 
 def test_orders_are_found_by_name():
-    domain = get_domain("board", {"physics": {"tip": "peg"}})
+    domain = make_domain("board", {"physics": {"tip": "peg"}})
     orders = (("1", "3", "2", "12"), ("0", "1", "2", "14"))
     study = Study((HIGH,), 2, 4, 1, 17, 2, 1, 1, 0.5, orders)
     block = make_block(domain, study, 0, 0)

@@ -15,7 +15,7 @@ from p2l.evaluation.transfer.fit import calibration_table, judge, records, score
 from p2l.records import TransferData
 from p2l.transfer import baselines
 from p2l.transfer.calibration import auc
-from p2l.transfer.fitting import FitOptions, Split, fit, split_tasks
+from p2l.transfer.fitting import FitOptions, TaskSplit, fit, split_tasks
 from p2l.transfer.model import load_transfer_model
 
 DRAWS = 20
@@ -179,7 +179,7 @@ def test_too_little_data_is_refused_and_the_least_is_enough():
 
 def test_nearest_neighbour_by_hand():
     data, _ = make_data(m=8, k=4)
-    split = Split(np.array([-1, 0, 1, 0, 1, 0, 1, 0]))
+    split = TaskSplit(np.array([-1, 0, 1, 0, 1, 0, 1, 0]))
     _, found = fitted(data, "concatenation", options=replace(QUICK, epochs=1, members=2))
     row = int(np.flatnonzero(~split.held_out[data.train_task])[0])
     train, test = data.features[data.train_task[[row]]], data.features[[3]]

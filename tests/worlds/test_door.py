@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from p2l import registry
-from p2l.contracts.world import Command, advance
+from p2l.contracts.rows import Command
+from p2l.contracts.world import advance
 from p2l.errors import ConfigError
 from p2l.skills import chain
 from p2l.worlds.door.handles import HANDLES, axis_of, find, grasp_pose, hinge_of
@@ -21,7 +21,7 @@ def world():
 def opened(world):
     """The ends of the three options from 24 starts, with the exact state."""
     rows = world.sample(np.random.default_rng(3), 24)
-    return chain.run(world, registry.get_options("door", world), rows, stop_on_failure=False)
+    return chain.run(world, world.nominal_options(), rows, stop_on_failure=False)
 
 
 def hold(world, rows, grip):
@@ -31,7 +31,7 @@ def hold(world, rows, grip):
 
 def test_the_chain_opens_the_door_and_each_precondition_holds_in_turn(world, opened):
     assert opened.success.mean() > 0.95
-    options = registry.get_options("door", world)
+    options = world.nominal_options()
     for ended, following in ((0, 1), (1, 2)):
         truth = world.privileged(opened.ends.take(opened.ends.option == ended).rows)
         assert options[following].precondition(truth).mean() > 0.9
@@ -91,7 +91,7 @@ def test_rows_of_one_batch_have_different_handles():
     world = Door(estimator="exact", handle=list(HANDLES))
     rows = world.sample(np.random.default_rng(0), 60)
     assert set(rows.model.tolist()) == set(range(len(HANDLES)))
-    done = chain.run(world, registry.get_options("door", world), rows, stop_on_failure=False)
+    done = chain.run(world, world.nominal_options(), rows, stop_on_failure=False)
     assert done.success.mean() > 0.85
 
 

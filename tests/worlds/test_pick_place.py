@@ -11,7 +11,7 @@ from p2l.contracts.observation import Observation
 from p2l.errors import ConfigError
 from p2l.skills import chain
 from p2l.skills.primitives import PRIMITIVES
-from p2l.worlds.pick_place.skills import options, quarter_turn
+from p2l.worlds.pick_place.skills import quarter_turn
 from p2l.worlds.pick_place.world import BIN1_POS_M, KINDS, THESIS_FIELDS, PickPlace
 
 COLLISION, DROPPED = range(len(KINDS))
@@ -28,7 +28,7 @@ def at_a_wall():
     """Breads so close to a wall at the right or the left that the hand must meet it, not close to the other two."""
     world = PickPlace(x_m=(-0.07, 0.07), y_m=(0.145, 0.17))
     rows = world.sample(np.random.default_rng(1), 16)
-    return world, rows, chain.run(world, options(world), rows)
+    return world, rows, chain.run(world, world.nominal_options(), rows)
 
 
 def put_bread(world, rows, pos):
@@ -77,13 +77,13 @@ def test_the_observation_of_the_thesis_has_46_numbers(world):
 def test_away_from_walls_the_skills_succeed():
     world = PickPlace(wall_clearance_m=0.12)
     rows = world.sample(np.random.default_rng(2), 20)
-    done = chain.run(world, options(world), rows)
+    done = chain.run(world, world.nominal_options(), rows)
     assert done.success.mean() >= 0.95
-    for index, option in enumerate(options(world)):
+    for index, option in enumerate(world.nominal_options()):
         begun = rows if index == 0 else done.ends.take(done.ends.option == index - 1).rows
         ready = option.precondition(world.privileged(begun))
         assert ready.mean() >= 0.9, option.name
-        after = chain.run(world, options(world)[index:], begun.take(ready))
+        after = chain.run(world, world.nominal_options()[index:], begun.take(ready))
         assert after.success.mean() >= 0.9, option.name
 
 
@@ -99,7 +99,7 @@ def test_a_turned_hand_is_not_turned_back_and_fits_between_the_walls(at_a_wall):
     world, _, done = at_a_wall
     recovery = [PRIMITIVE["move -z"], PRIMITIVE["turn +z"]]
     moved = chain.run(world, recovery, done.last.rows, stop_on_failure=False)
-    again = chain.run(world, options(world), moved.last.rows)
+    again = chain.run(world, world.nominal_options(), moved.last.rows)
     assert again.success.mean() >= 0.9
     turn = [poses.rotation(world.read(rows, "grip_quat")) for rows in (done.last.rows, again.last.rows)]
     assert_allclose((turn[0].inv() * turn[1]).magnitude(), np.pi / 2, atol=0.15)
@@ -110,12 +110,12 @@ def test_fingers_can_drag_the_bread_off_the_wall(at_a_wall):
     dragged = chain.run(world, [PRIMITIVE["move -x"]] * 5, done.last.rows, stop_on_failure=False)
     before, after = (world.read(rows, "object_pos")[:, 1] for rows in (done.last.rows, dragged.last.rows))
     assert (before - after > 0.03).all()
-    assert chain.run(world, options(world), dragged.last.rows).success.mean() >= 0.8
+    assert chain.run(world, world.nominal_options(), dragged.last.rows).success.mean() >= 0.8
 
 
 def test_a_hand_that_closes_on_nothing_has_dropped_the_bread():
     world = PickPlace(estimator="fixed", sigma_m=0.1, y_m=(-0.05, 0.05), x_m=(-0.05, 0.05))
-    done = chain.run(world, options(world), world.sample(np.random.default_rng(3), 16))
+    done = chain.run(world, world.nominal_options(), world.sample(np.random.default_rng(3), 16))
     dropped = done.last.kind == DROPPED
     assert dropped.sum() >= 4
     assert (world.gap_m(done.last.rows.take(dropped)) <= 0.01).all()

@@ -6,22 +6,23 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from p2l import registry
-from p2l.contracts.world import Command, World
+from examples.push.world import Push
+from p2l.contracts.rows import Command
+from p2l.contracts.world import World
 from p2l.errors import ConfigError
 from p2l.sim.scene import WRIST_FORCE
 from p2l.skills import chain
 from p2l.skills.primitives import PRIMITIVES
 from p2l.worlds import robosuite as robosuite_sim
 from p2l.worlds.robosuite.gains import inertia, matched
-from tests.worlds.push import Push
+from p2l.worlds.table import make_world
 
 SIDE = {"x_m": [0.0, 0.02], "y_m": [-0.193, 0.193]}
 
 
 @pytest.fixture(scope="module")
 def bread():
-    world = registry.get_world("pick_place", SIDE)
+    world = make_world("pick_place", SIDE)
     transfer = robosuite_sim.make(world)
     yield world, transfer
     transfer.engine.close()
@@ -29,7 +30,7 @@ def bread():
 
 @pytest.fixture(scope="module")
 def shelf():
-    world = registry.get_world("cluttered_shelf", {"models": 3, "nthread": 1})
+    world = make_world("cluttered_shelf", {"models": 3, "nthread": 1})
     transfer = robosuite_sim.make(world, tuning=robosuite_sim.Gains(kp=(600.0,) * 6))
     yield world, transfer
     transfer.engine.close()
@@ -50,7 +51,7 @@ def test_a_row_is_the_same_place_in_both_simulations(bread):
     world, transfer = bread
     assert isinstance(transfer, World)
     same_readings(world, transfer, world.sample(np.random.default_rng(0), 3))
-    door = registry.get_world("door")
+    door = make_world("door")
     other = robosuite_sim.make(door)
     same_readings(door, other, door.sample(np.random.default_rng(0), 3))
     other.engine.close()
@@ -79,7 +80,7 @@ def test_options_run_unchanged_and_end_as_in_our_world(bread):
     rows = world.sample(np.random.default_rng(5), 6)
     room = world.privileged(rows)["hand_room_m"][:, 0]
     rows = rows.take([np.argmax(room), np.argmin(room)])  # one bread in the middle, one at a wall
-    options = registry.get_options("pick_place", world)
+    options = world.nominal_options()
     ours, theirs = chain.run(world, options, rows), robosuite_sim.execute(transfer, options, rows)
     assert theirs.success.tolist() == ours.success.tolist() == [True, False]
     assert [world.failure_kinds[kind] for kind in theirs.last.kind if kind >= 0] == ["collision"]
@@ -157,7 +158,7 @@ def test_the_shelf_drawn_by_a_reset_is_a_start_of_the_world(shelf):
 def test_the_nominal_chain_puts_the_thing_onto_the_shelf_of_robosuite(shelf):
     world, transfer = shelf
     rows = world.sample(np.random.default_rng(3), 12)
-    options = registry.get_options("cluttered_shelf", world)
+    options = world.nominal_options()
     ours = chain.run(world, options, rows)
     rows = rows.take([np.argmax(ours.success)])
     assert robosuite_sim.execute(transfer, options, rows).success.all()
@@ -167,7 +168,7 @@ def test_one_row_at_a_time(bread):
     world, transfer = bread
     rows = transfer.sample(np.random.default_rng(0), 2)
     with pytest.raises(ConfigError, match="one row at a time, got 2"):
-        chain.run(transfer, registry.get_options("pick_place", world), rows, slots=2)
+        chain.run(transfer, world.nominal_options(), rows, slots=2)
 
 
 def test_matched_gains_give_the_stiffness_and_the_damping(bread):
@@ -192,6 +193,6 @@ def test_what_robosuite_does_not_have_is_refused(bread):
     with pytest.raises(ConfigError, match="no task of its own for 'push'; it has: door, pick_place; written"):
         robosuite_sim.make(Push())
     with pytest.raises(ConfigError, match=r"Door \(with the Panda\) differs from this world in Door_handle"):
-        robosuite_sim.make(registry.get_world("door", {"handle": "5"}))
+        robosuite_sim.make(make_world("door", {"handle": "5"}))
     with pytest.raises(ConfigError, match="unknown tuning 'soft'; known: matched, own"):
         robosuite_sim.make(world, tuning="soft")

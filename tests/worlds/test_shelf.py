@@ -8,12 +8,12 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from p2l import poses
-from p2l.contracts.world import NO_FAILURE, Command, advance
+from p2l.contracts.rows import Command
+from p2l.contracts.world import NO_FAILURE, advance
 from p2l.errors import ConfigError
 from p2l.skills import chain
 from p2l.worlds.shelf import hold as shelf_hold
 from p2l.worlds.shelf.scene import DEPTH_M, INNER_WIDTH_M, TABLE_M
-from p2l.worlds.shelf.skills import options
 from p2l.worlds.shelf.world import COLLISION, SLIP, ClutteredShelf, Shelf
 
 UP, OUT = np.array([[0.0, 0.0, 0.02], [0.0, -0.02, 0.0]])
@@ -39,14 +39,14 @@ def seen_wrong(rows, y_m, z_m):
 @pytest.fixture(scope="module")
 def exact(world):
     rows = seen_wrong(world.sample(np.random.default_rng(0), 12), 0.0, 0.0)
-    return chain.run(world, options(world), rows)
+    return chain.run(world, world.nominal_options(), rows)
 
 
 @pytest.fixture(scope="module")
 def too_high(world):
     """Boxes that are seen 2 cm higher than they are: they hang too low for the shelf's floor."""
     rows = seen_wrong(world.sample(np.random.default_rng(1), 8), 0.0, 0.02)
-    return chain.run(world, options(world), rows)
+    return chain.run(world, world.nominal_options(), rows)
 
 
 def primitive(world, rows, shift):
@@ -150,7 +150,7 @@ def test_an_exact_state_leads_onto_the_shelf(world, exact):
 
 
 def test_preconditions_hold_along_the_chain_and_tell_what_cannot_work(world, exact, too_high):
-    chained = options(world)
+    chained = world.nominal_options()
     for option in (1, 2):
         before = exact.ends.take(exact.ends.option == option - 1).rows
         assert chained[option].precondition(world.privileged(before)).mean() >= 0.8
@@ -179,7 +179,7 @@ def test_out_and_up_and_place_recovers_from_the_edge(world, too_high):
         rows, kind = primitive(world, rows, shift)
         kinds.append(kind)
     assert (np.concatenate(kinds)[5:] == NO_FAILURE).all(), "a hand that has moved off is not stopped again"
-    placed = chain.run(world, options(world)[2:], rows)
+    placed = chain.run(world, world.nominal_options()[2:], rows)
     assert placed.success.mean() >= 0.75
 
 
@@ -195,7 +195,7 @@ def test_clutter_that_is_turned_is_a_failure(cluttered):
         atol=1e-6,
     )
     done = chain.run(
-        cluttered, options(cluttered), seen_wrong(cluttered.sample(np.random.default_rng(1), 10), 0.0, 0.0)
+        cluttered, cluttered.nominal_options(), seen_wrong(cluttered.sample(np.random.default_rng(1), 10), 0.0, 0.0)
     )
     assert done.success.mean() >= 0.8
 
@@ -203,7 +203,7 @@ def test_clutter_that_is_turned_is_a_failure(cluttered):
 @pytest.mark.parametrize("params", [{"arm": "UR5e"}, {"object": "can"}, {"object": "bottle"}])
 def test_variants_succeed_with_an_exact_state(params):
     world = Shelf(estimator="exact", models=2, **params)
-    done = chain.run(world, options(world), world.sample(np.random.default_rng(0), 8))
+    done = chain.run(world, world.nominal_options(), world.sample(np.random.default_rng(0), 8))
     assert done.success.sum() >= 7
 
 
@@ -213,7 +213,7 @@ def test_every_arm_observes_the_hand_as_the_one_that_policies_are_learnt_on(arm)
     seen, truth = {}, {}
     for name in ("Panda", arm):
         world = Shelf(arm=name, estimator="exact", models=1)
-        rows = chain.run(world, options(world), world.sample(np.random.default_rng(2), 4)).last.rows
+        rows = chain.run(world, world.nominal_options(), world.sample(np.random.default_rng(2), 4)).last.rows
         seen[name], truth[name] = world.observe(rows), world.privileged(rows)
         assert poses.angle(seen[name]["grip_quat"], truth[name]["grip_quat"]) == pytest.approx(0.0, abs=1e-6)
     for field in ("grip_quat", "target_quat"):

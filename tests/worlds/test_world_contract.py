@@ -4,22 +4,23 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from p2l import registry
 from p2l.contracts.observation import Observation, Privileged
 from p2l.contracts.option import Option
-from p2l.contracts.world import NO_FAILURE, Command, Rows, World, advance
+from p2l.contracts.rows import Command, Rows
+from p2l.contracts.world import NO_FAILURE, World, advance
 from p2l.errors import ConfigError, ShapeError
 from p2l.skills import chain
+from p2l.worlds.table import WORLDS, make_world
 
-registry.register_world("push", world="tests.worlds.push:Push", options="tests.worlds.push:options")
+WORLDS.register("push", "examples.push.world:Push")
 EPISODES = 6
 
 
-@pytest.fixture(scope="module", params=registry.known_worlds())
+@pytest.fixture(scope="module", params=WORLDS.names())
 def played(request):
     """The world, its chain, starts, and what the chain made of them."""
-    world = registry.get_world(request.param)
-    options = registry.get_options(request.param, world)
+    world = make_world(request.param)
+    options = world.nominal_options()
     rows = world.sample(np.random.default_rng(0), EPISODES)
     return world, options, rows, chain.run(world, options, rows, stop_on_failure=False, slots=4)
 
@@ -116,11 +117,11 @@ def test_nan_in_a_target_is_refused(played):
 
 def test_the_digest_follows_the_parameters(played):
     world, *_ = played
-    assert registry.get_world(world.name, {"nthread": 1}).digest == world.digest
+    assert make_world(world.name, {"nthread": 1}).digest == world.digest
 
 
 def test_unknown_names_list_the_known():
-    with pytest.raises(ConfigError, match=r"unknown world 'doors'; known worlds: .*door.*shelf"):
-        registry.get_world("doors")
+    with pytest.raises(ConfigError, match=r"unknown world 'doors'; known: .*door.*shelf"):
+        make_world("doors")
     with pytest.raises(ConfigError, match=r"world 'push': unknown parameters \['colour'\]; allowed: .*estimator"):
-        registry.get_world("push", {"colour": "red"})
+        make_world("push", {"colour": "red"})

@@ -16,9 +16,10 @@ from p2l.chaining.learner import Learner
 from p2l.chaining.mdp import Limits
 from p2l.chaining.policy import Policy, check_policy, load_policy, save_policy
 from p2l.chaining.pool import action_names, first_state
-from p2l.chaining.preconditions import Preconditions
+from p2l.chaining.preconditions import ControllerPreconditions
 from p2l.contracts.option import Option
-from p2l.contracts.world import Rows, World
+from p2l.contracts.rows import Rows
+from p2l.contracts.world import World
 from p2l.errors import ArtifactError
 from p2l.records import Array, IntArray
 from p2l.skills.primitives import GRIPS, PRIMITIVES, STEPS, Primitive
@@ -43,7 +44,7 @@ class Agent:
     limits: Limits
     primitives: tuple[Primitive, ...]
     act: Act
-    preconditions: Preconditions | None = None
+    preconditions: ControllerPreconditions | None = None
     whole_task: bool = False
 
     def choose(self, observation: Array, decision: IntArray) -> IntArray:
@@ -104,5 +105,5 @@ def load_agent(
     known = None
     if card.preconditions:
         arrays = load_arrays(folder / PRECONDITIONS, schema="recovery_preconditions", version=1)
-        known = Preconditions.from_arrays(arrays)
+        known = ControllerPreconditions.from_arrays(arrays)
     return Agent(card.limits, primitives, policy.act, known, card.whole_task), policy

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +25,7 @@ class Progress:
     Attributes:
         control_steps: simulated for learning.
         seconds: that took, evaluations included.
+        evaluation_seconds: of these, spent in evaluations.
         best: success of the best evaluation.
         rounds: one row per rollout.
         evaluations: one row per evaluation.
@@ -33,6 +34,7 @@ class Progress:
 
     control_steps: int = 0
     seconds: float = 0.0
+    evaluation_seconds: float = 0.0
     best: float = -1.0
     rounds: list[dict[str, Any]] = field(default_factory=list)
     evaluations: list[dict[str, Any]] = field(default_factory=list)
@@ -41,7 +43,7 @@ class Progress:
 
 def save_checkpoint(folder: Path, progress: Progress, card: Card) -> None:
     """Replace the checkpoint in `folder`."""
-    told = {name: getattr(progress, name) for name in ("control_steps", "seconds", "best", "rounds", "evaluations")}
+    told = {field.name: getattr(progress, field.name) for field in fields(progress) if field.name != "tensors"}
     save_network(folder / FILE, progress.tensors, {"config_hash": card.config_hash, **told}, schema=SCHEMA)
 
 

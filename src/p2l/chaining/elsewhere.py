@@ -14,23 +14,18 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from p2l.chaining.agent import Agent
-from p2l.chaining.episodes import Agents, Book
+from p2l.chaining.episodes import Agents, PolicyLedger
 from p2l.chaining.execute import nominal_part, recover
 from p2l.contracts.option import Option
 from p2l.contracts.world import World
-from p2l.evaluation.statistics import t_interval, wilson_interval
-from p2l.evaluation.team.tables import COLUMNS, Row
-from p2l.evaluation.thesis import Thesis
 from p2l.ledger import find, write
-from p2l.registry import get_options, get_world
 from p2l.seeding import generator
 from p2l.skills.runner import Reason
+from p2l.worlds.table import make_world
 
-TABLE = "table_5_2"
 VERSION = 2  # raise it when an edit of the code changes episodes: committed records know no code
 MIRROR_VERSION = 2  # the same for robosuite's environments alone
 AT_ONCE = 64
@@ -45,24 +40,27 @@ class Variant:
     Attributes:
         name: for tables and records.
         world: with the columns and actions of the one they were learnt in.
-        nominal: its chain.
         failures: F wanted.
         at_once: rows that the world can hold.
     """
 
     name: str
     world: World
-    nominal: Sequence[Option]
     failures: int
     at_once: int = AT_ONCE
+
+    @property
+    def nominal(self) -> tuple[Option, ...]:
+        """Its chain."""
+        return self.world.nominal_options()
 
 
 def variants(
     name: str, params: Mapping[str, Any], others: Mapping[str, Mapping[str, Any]], failures: int
 ) -> list[Variant]:
     """The worlds `others`, by name: parameters that differ from `params`."""
-    worlds = {other: get_world(name, {**params, **differs}) for other, differs in others.items()}
-    return [Variant(other, world, get_options(name, world), failures) for other, world in worlds.items()]
+    worlds = {other: make_world(name, {**params, **differs}) for other, differs in others.items()}
+    return [Variant(other, world, failures) for other, world in worlds.items()]
 
 
 def robosuite_variant(world: World, failures: int, stack: ExitStack) -> Variant:
@@ -71,11 +69,14 @@ def robosuite_variant(world: World, failures: int, stack: ExitStack) -> Variant:
 
     there = make(world)
     stack.callback(there.engine.close)
-    return Variant(ROBOSUITE, there, get_options(world.name, world), failures, at_once=1)
+    return Variant(ROBOSUITE, there, failures, at_once=1)
 
 
 def transfer_of_seed(
-    book: Book, moved: Sequence[tuple[Variant, Agents]], seed: int, progress: Callable[[int], None] | None = None
+    book: PolicyLedger,
+    moved: Sequence[tuple[Variant, Agents]],
+    seed: int,
+    progress: Callable[[int], None] | None = None,
 ) -> pd.DataFrame:
     """Induced failures of every variant, recovered by every learner's policy; from records, or leaving them.
 
@@ -129,28 +130,3 @@ def induced(variant: Variant, agent: Agent, seed: int) -> dict[str, Any]:
             outcomes += found.success.tolist()
     taken = outcomes[:wanted]
     return {"failures": len(taken), "recovered": sum(taken), "executions": executions}
-
-
-def table_5_2(world: str, found: pd.DataFrame, thesis: Thesis) -> pd.DataFrame:
-    """Recovery rate of every variant: pooled over seeds (Wilson limits), the seeds' mean (t limits), and the seeds."""
-    rows: list[Row] = []
-    for (variant, learner), part in found.groupby(["variant", "learner"], sort=False):
-        setting, counts = f"world={world};variant={variant}", part[["recovered", "failures"]].sum()
-        trials = int(counts["failures"])
-        if not trials:
-            rows.append((str(learner), setting, "recovery", np.nan, np.nan, np.nan, 0))
-            continue
-        low, high = wilson_interval(int(counts["recovered"]), trials)
-        rows.append((str(learner), setting, "recovery", counts["recovered"] / trials, float(low), float(high), trials))
-        some = part[part["failures"] > 0]
-        seeds = t_interval((some["recovered"] / some["failures"]).to_numpy(dtype=float))
-        limits = float(seeds.mean), float(seeds.low), float(seeds.high)
-        rows.append((str(learner), setting, "recovery_by_seed", *limits, seeds.n))
-        for one in some.to_dict("records"):
-            done, all_of = int(one["recovered"]), int(one["failures"])
-            ends = [float(end) for end in wilson_interval(done, all_of)]
-            rows.append(
-                (str(learner), f"{setting};seed={one['seed']}", "recovery", done / all_of, ends[0], ends[1], all_of)
-            )
-    table = pd.DataFrame(rows, columns=list(COLUMNS[:-1]))
-    return thesis.beside(table.astype({"mean": float, "low": float, "high": float, "n": int}), TABLE)

@@ -23,7 +23,7 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from p2l.chaining.mdp import Starts, Transitions
 from p2l.chaining.pool import Pool
-from p2l.contracts.world import Rows
+from p2l.contracts.rows import Rows
 from p2l.records import Array
 
 Seen = npt.NDArray[np.float32]

@@ -1,4 +1,4 @@
-"""Episodes of the whole robot, one row each, and what they add up to (thesis, table 5.1).
+"""Episodes of the whole robot, one row each, (thesis, table 5.1).
 
 A learner's episodes of one seed are an item of the ledger (`p2l.ledger`), so that tables can be built on a machine that
 ran none of them. Seeds of start states have a path of their own: learning never met them. All learners of a seed meet
@@ -22,9 +22,9 @@ from p2l.chaining.execute import Overall, nominal_part, overall
 from p2l.chaining.policy import FILE, Card, Policy, policy_hash
 from p2l.chaining.pool import action_names
 from p2l.contracts.option import Option
-from p2l.contracts.world import Rows, World
+from p2l.contracts.rows import Rows
+from p2l.contracts.world import World
 from p2l.errors import ArtifactError
-from p2l.evaluation.statistics import wilson_interval
 from p2l.ledger import Item, find, write
 from p2l.seeding import generator
 from p2l.skills.chain import Execution
@@ -35,7 +35,7 @@ Agents = Mapping[str, tuple[Agent, Policy]]
 
 
 @dataclass(frozen=True)
-class Book:
+class PolicyLedger:
     """Where items are looked up, and what they are functions of besides the policy.
 
     Attributes:
@@ -98,7 +98,7 @@ def load_agents(
 
 
 def episodes_of_seed(
-    book: Book,
+    book: PolicyLedger,
     world: World,
     nominal: Sequence[Option],
     seed: int,
@@ -141,7 +141,7 @@ def episodes_of_seed(
 
 
 def nominal_episodes(
-    book: Book, world: World, nominal: Sequence[Option], seed: int, episodes: int
+    book: PolicyLedger, world: World, nominal: Sequence[Option], seed: int, episodes: int
 ) -> tuple[Rows, Execution]:
     """The start states of a seed's episodes, and what the nominal chain does from them; the same for every learner."""
     starts = start_states(world, seed, episodes)
@@ -182,25 +182,3 @@ def episode_rows(found: Overall, card: Card, nominal: Sequence[Option]) -> pd.Da
     told = {name: getattr(found, name) for name in ("nominal", "flagged", "success", "diverged")}
     rows = pd.DataFrame({"episode": np.arange(count), **told, "steps": steps, "actions": actions.astype(str)})
     return rows.assign(learner=card.learner, seed=card.seed)[["learner", "seed", *rows.columns]]
-
-
-def totals(episodes: pd.DataFrame) -> dict[str, dict[str, Any]]:
-    """Rates of one learner with 95 % Wilson intervals: overall success, that of the nominal skills, and of recoveries.
-
-    Who does the whole task has the first alone.
-    """
-    sound = episodes[~episodes["diverged"]]
-    flagged = sound[sound["flagged"]]
-    parts = {
-        "success": (sound["success"], len(sound)),
-        "nominal": (sound["nominal"], len(sound)),
-        "recovery": (flagged["success"], len(flagged)),
-    }
-    if episodes["whole_task"].all():
-        del parts["nominal"], parts["recovery"]
-    return {name: _rate(int(good.sum()), count) for name, (good, count) in parts.items()}
-
-
-def _rate(successes: int, trials: int) -> dict[str, Any]:
-    low, high = wilson_interval(successes, trials)
-    return {"mean": successes / max(trials, 1), "low": float(low), "high": float(high), "n": trials}

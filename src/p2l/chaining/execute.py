@@ -14,7 +14,8 @@ from p2l.chaining.agent import Agent
 from p2l.chaining.mdp import Transitions, Watch
 from p2l.chaining.pool import Pool
 from p2l.contracts.option import Option
-from p2l.contracts.world import Rows, World
+from p2l.contracts.rows import Rows
+from p2l.contracts.world import World
 from p2l.records import BoolArray, IntArray
 from p2l.skills.chain import Execution, run
 from p2l.skills.runner import Reason

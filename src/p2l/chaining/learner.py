@@ -12,11 +12,12 @@ import numpy as np
 
 from p2l.chaining.mdp import Judge, Limits, task_success
 from p2l.chaining.pool import Pool
-from p2l.chaining.preconditions import Preconditions
+from p2l.chaining.preconditions import ControllerPreconditions
 from p2l.chaining.revisit import Revisits
 from p2l.chaining.shortcut import Shortcut
 from p2l.contracts.option import Option
-from p2l.contracts.world import Rows, World
+from p2l.contracts.rows import Rows
+from p2l.contracts.world import World
 from p2l.errors import ConfigError
 from p2l.skills.primitives import PRIMITIVES, Primitive
 
@@ -40,7 +41,7 @@ def share(value: object) -> bool:
 
 
 @dataclass(frozen=True)
-class Task:
+class ChainTask:
     """What a recovery is learnt for.
 
     Attributes:
@@ -81,10 +82,10 @@ class Learner:
     options: bool = True
     judge: Judge = task_success
     shortcut: Shortcut | None = None
-    preconditions: Preconditions | None = None
+    preconditions: ControllerPreconditions | None = None
     whole_task: bool = False
 
-    def pool(self, task: Task, rng: np.random.Generator, slots: int, revisit: float = 0.0) -> Pool:
+    def pool(self, task: ChainTask, rng: np.random.Generator, slots: int, revisit: float = 0.0) -> Pool:
         """The MDP it learns in; episodes start at one of `starts`, drawn by `rng`, or go on from an earlier success.
 
         Args:

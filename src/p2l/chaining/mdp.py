@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from p2l.contracts.world import Rows
+from p2l.contracts.rows import Rows
 from p2l.errors import ConfigError
 from p2l.records import Array, BoolArray, IntArray
 

@@ -18,13 +18,14 @@ import numpy as np
 import torch
 from torch.nn import functional
 
-from p2l.artifacts import config_hash, load_network, save_network
+from p2l.artifacts import config_hash, load_json, load_network, save_json, save_network
 from p2l.chaining.mdp import Limits
 from p2l.errors import ArtifactError, ShapeError
 from p2l.records import Array, IntArray, freeze
 
 SCHEMA = "recovery_policy"
 FILE = "policy.safetensors"
+ABSENT = "absent.json"  # beside a card whose weights were not kept
 CLIP = 10.0  # standardised observations beyond it are cut, as SB3 does
 NARROWEST = 0.05  # m, rad or 1: what hardly varies among failures may vary during recovery
 Weights = Mapping[str, torch.Tensor]
@@ -110,17 +111,32 @@ class Card:
 
 @dataclass(frozen=True)
 class Policy:
-    """A network from observations to actions; `weights` are w0, b0, w1, b1 … of its layers, the last one linear."""
+    """A network from observations to actions.
+
+    Attributes:
+        card: what the weights mean.
+        weights: w0, b0, w1, b1 … of its layers, the last one linear; empty where only the card was kept.
+        identity: of the policy without weights, its `policy_hash`.
+    """
 
     card: Card
     weights: Weights
+    identity: str = ""
 
     def logits(self, observation: Array) -> torch.Tensor:
         """[K, A] of [K, O].
 
         Raises:
             ShapeError: another number of columns, or NaN.
+            ArtifactError: the weights were not kept.
         """
+        if not self.weights:
+            card = self.card
+            raise ArtifactError(
+                f"{card.learner}, seed {card.seed}, in world '{card.world}': only the card and what the policy was "
+                "judged by were kept, not its weights. To have them, learn it again with `python -m "
+                f"stages.chain_recoveries`, learner={card.learner} seed={card.seed} records=null"
+            )
         given = freeze("observation", observation, ("K", "O"), {"O": len(self.card.columns)})
         scale = self.card.normalisation
         centre, spread = (torch.tensor(part, dtype=torch.float32) for part in (scale.centre, scale.scale))
@@ -143,17 +159,34 @@ def save_policy(folder: Path, policy: Policy) -> None:
     save_network(folder / FILE, dict(policy.weights), policy.card.plain(), schema=SCHEMA)
 
 
-def load_policy(folder: Path) -> Policy:
+def save_absent(folder: Path, policy: Policy) -> None:
+    """Say beside a card whose weights were not kept which policy it is of."""
+    save_json(folder / ABSENT, {"policy": policy.identity}, schema="absent_policy", version=1)
+
+
+def load_policy(folder: Path, *, identity: str | None = None) -> Policy:
     """Read a policy, for whatever world.
+
+    Args:
+        folder: of the policy.
+        identity: its `policy_hash`, from who knows it: then the card is enough where the weights were not kept.
 
     Raises:
         ArtifactError: missing or damaged.
     """
-    weights, plain = load_network(folder / FILE, schema=SCHEMA)
+    if absent := not (folder / FILE).is_file() and _card_file(folder).is_file():
+        if identity is None:
+            identity = str(load_json(folder / ABSENT, schema="absent_policy", version=1)["policy"])
+        weights: Weights = {}
+        plain = load_json(_card_file(folder), schema=SCHEMA, version=1)
+    else:
+        weights, plain = load_network(folder / FILE, schema=SCHEMA)
     try:
-        policy = Policy(Card.from_plain(plain), weights)
+        policy = Policy(Card.from_plain(plain), weights, identity or "")
     except (KeyError, TypeError, ShapeError) as error:
-        raise ArtifactError(f"{folder / FILE}.json: not the card of a recovery policy ({error})") from error
+        raise ArtifactError(f"{_card_file(folder)}: not the card of a recovery policy ({error})") from error
+    if absent:
+        return policy
     ends = [weights["w0"].shape[1], weights[f"w{len(weights) // 2 - 1}"].shape[0]]
     if ends != [len(policy.card.columns), len(policy.card.actions)]:
         raise ArtifactError(
@@ -164,8 +197,14 @@ def load_policy(folder: Path) -> Policy:
 
 def policy_hash(policy: Policy) -> str:
     """Identifies a policy by what it does, and by where it was learnt."""
+    if not policy.weights:
+        return policy.identity
     weights = {name: tensor.tolist() for name, tensor in policy.weights.items()}
     return config_hash([policy.card.plain(), weights])
+
+
+def _card_file(folder: Path) -> Path:
+    return folder / f"{FILE}.json"
 
 
 def check_policy(

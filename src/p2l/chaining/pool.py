@@ -26,10 +26,11 @@ from collections.abc import Sequence
 import numpy as np
 
 from p2l.chaining.mdp import Judge, Limits, Played, Starts, Transitions, Watch, task_success
-from p2l.chaining.revisit import Moments, Revisits
+from p2l.chaining.revisit import RevisitMoments, Revisits
 from p2l.contracts.observation import Observation
 from p2l.contracts.option import Option
-from p2l.contracts.world import Rows, World
+from p2l.contracts.rows import Rows
+from p2l.contracts.world import World
 from p2l.errors import ConfigError, ShapeError
 from p2l.records import Array, BoolArray, IntArray
 from p2l.skills.runner import Reason, Runner
@@ -216,7 +217,7 @@ class Pool:
             self._go_back(back, moments)
         return fresh
 
-    def _go_back(self, slots: IntArray, moments: Moments) -> None:
+    def _go_back(self, slots: IntArray, moments: RevisitMoments) -> None:
         self._runner.place(slots, moments.rows, moments.muted)
         self._look(slots, moments.rows)
         self._decisions[slots] = moments.decisions
@@ -227,7 +228,7 @@ class Pool:
     def _pass(self, slots: IntArray, rows: Rows) -> None:
         """Note where a decision is taken."""
         if self._revisits is not None:
-            moments = Moments(
+            moments = RevisitMoments(
                 rows=rows,
                 state=self.observation[slots],
                 decisions=self._decisions[slots],

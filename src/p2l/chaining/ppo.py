@@ -63,7 +63,7 @@ class PPOSettings:
 
 
 @dataclass
-class Round:
+class RolloutCounts:
     """What happened during one rollout.
 
     Attributes:
@@ -113,7 +113,7 @@ class PoolPPO(PPO):
         self.pool, self.shortcut = pool, shortcut
         self.gathered = Gatherer()
         self.steps_before = 0  # control steps of the run that this one resumes
-        self.round = Round(np.zeros(len(pool.actions), dtype=np.int64))
+        self.round = RolloutCounts(np.zeros(len(pool.actions), dtype=np.int64))
         kept = {name: value for name, value in vars(settings).items() if name != "hidden"}
         sizes = list(settings.hidden)
         extractor = {"centre": normalisation.centre, "scale": normalisation.scale}
@@ -137,7 +137,7 @@ class PoolPPO(PPO):
         del env  # its spaces are all that it has
         self.policy.set_training_mode(False)
         callback.on_rollout_start()
-        self.round = Round(np.zeros(len(self.pool.actions), dtype=np.int64))
+        self.round = RolloutCounts(np.zeros(len(self.pool.actions), dtype=np.int64))
         while len(self.gathered) < n_rollout_steps:
             if self.pool.waiting.any():  # also those whose episode has just been settled
                 self._decide(np.flatnonzero(self.pool.waiting))

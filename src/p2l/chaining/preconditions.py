@@ -20,7 +20,8 @@ import numpy.typing as npt
 
 from p2l.contracts.observation import Observation
 from p2l.contracts.option import Option
-from p2l.contracts.world import Rows, World
+from p2l.contracts.rows import Rows
+from p2l.contracts.world import World
 from p2l.errors import ConfigError
 from p2l.preconditions.classifier import PreconditionClassifier, fit_classifier
 from p2l.records import Array, BoolArray, IntArray
@@ -30,7 +31,7 @@ COUNTER = "actions"
 
 
 @dataclass(frozen=True)
-class Preconditions:
+class ControllerPreconditions:
     """One classifier for each nominal controller.
 
     Attributes:
@@ -66,7 +67,7 @@ class Preconditions:
         return parts | rest
 
     @classmethod
-    def from_arrays(cls, arrays: Mapping[str, npt.NDArray[Any]]) -> Preconditions:
+    def from_arrays(cls, arrays: Mapping[str, npt.NDArray[Any]]) -> ControllerPreconditions:
         """From what `arrays` gave."""
         made = []
         for i in range(int(arrays["count"])):
@@ -118,7 +119,7 @@ def visit(world: World, nominal: Sequence[Option], starts: Rows, *, every: int) 
 
 def fit(
     visited: Visited, nominal: Sequence[Option], fields: Sequence[str], threshold: float, rng: np.random.Generator
-) -> Preconditions:
+) -> ControllerPreconditions:
     """A classifier for each controller, over `fields` of the observation (all without any).
 
     Raises:
@@ -137,4 +138,4 @@ def fit(
                 f"no nominal trajectory got through '{option.name}' to success; run more of them (trajectories)"
             )
         made.append(fit_classifier(seen.values[mine][:, columns], visited.success[mine], tuple(names[columns]), rng))
-    return Preconditions(tuple(made), columns, threshold)
+    return ControllerPreconditions(tuple(made), columns, threshold)

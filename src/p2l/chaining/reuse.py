@@ -8,8 +8,7 @@ Readings of the thesis, which defines none of this:
 1. Nominal execution: runs of the nominal skills that do the task. Those that are flagged lead to the very states that
    recoveries start from.
 2. Two sets of states for every option: `visited`, all in which it is at work, and `begun`, those in which it starts.
-3. A state is outside a set if its nearest neighbour in half of the runs is farther away than that of 99 % of the
-   states of the other half; so about 1 % of nominal states are outside.
+3. Outside a set is said in `novelty`.
 4. A recovery that hands nothing back is judged in none of these sets.
 
 Axis letters: N recoveries, K states, F features.
@@ -18,21 +17,21 @@ Axis letters: N recoveries, K states, F features.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from scipy.spatial import cKDTree
 
 from p2l.chaining.agent import Agent
-from p2l.chaining.episodes import Agents, Book, nominal_episodes
+from p2l.chaining.episodes import Agents, PolicyLedger, nominal_episodes
 from p2l.chaining.execute import BATCH, Recovered, recover
+from p2l.chaining.novelty import SETS, NominalStates, StateSet
 from p2l.chaining.strategies import strategy
 from p2l.contracts.option import Option
-from p2l.contracts.world import Rows, World
-from p2l.evaluation.chaining.reuse import SETS
+from p2l.contracts.rows import Rows
+from p2l.contracts.world import World
 from p2l.failures.classifier import default_fields, features
 from p2l.ledger import find, write
 from p2l.records import Array, IntArray
@@ -40,57 +39,7 @@ from p2l.skills.chain import run
 from p2l.skills.runner import Reason
 
 VERSION = 1  # raise it when an edit of the code changes rows: committed records know no code
-QUANTILE = 0.99
-FEWEST = 4  # nominal runs through an option to say where it is used
 COLUMNS = ("option", "success", "primitives", "strategy", *(f"off_{name}" for name in SETS))
-
-
-@dataclass(frozen=True)
-class Known:
-    """A set of nominal states.
-
-    Attributes:
-        tree: of standardised features.
-        limit: distance beyond which a state is outside.
-    """
-
-    tree: cKDTree
-    limit: float
-
-    @classmethod
-    def of(cls, values: Array, episode: IntArray) -> Known | None:
-        """From standardised [K, F] of the runs `episode` [K]; None if the runs are fewer than `FEWEST`."""
-        runs = np.unique(episode)
-        if len(runs) < FEWEST:
-            return None
-        half = np.isin(episode, runs[::2])
-        tree = cKDTree(values[half])
-        away, _ = tree.query(values[~half])
-        return cls(tree, max(float(np.quantile(away, QUANTILE, method="higher")), 1e-9))
-
-    def off(self, values: Array) -> Array:
-        """[K] distances of standardised [K, F] in units of the limit: outside above 1."""
-        away, _ = self.tree.query(values)
-        return np.asarray(away / self.limit)
-
-
-@dataclass(frozen=True)
-class Nominal:
-    """Where nominal execution has its options.
-
-    Attributes:
-        centre, spread: [F] of the features.
-        sets: by option (its number in the chain) and name of `SETS`; None where too few runs got there.
-    """
-
-    centre: Array
-    spread: Array
-    sets: Mapping[tuple[int, str], Known | None]
-
-    def off(self, option: int, name: str, values: Array) -> Array:
-        """[K] how far features [K, F] are off, outside above 1; NaN where that is not known."""
-        known = self.sets.get((option, name))
-        return np.full(len(values), np.nan) if known is None else known.off((values - self.centre) / self.spread)
 
 
 def of_rows(world: World, rows: Rows) -> Array:
@@ -99,7 +48,7 @@ def of_rows(world: World, rows: Rows) -> Array:
     return features(truth, tuple(world.mode_fields) or default_fields(truth))[1]
 
 
-def nominal_sets(world: World, nominal: Sequence[Option], starts: Rows) -> Nominal:
+def nominal_sets(world: World, nominal: Sequence[Option], starts: Rows) -> NominalStates:
     """The states of nominal runs from `starts`, of those that do the task."""
     parts = [(np.arange(len(starts)), np.zeros(len(starts), dtype=np.int64), of_rows(world, starts))]
     done = run(world, nominal, starts, watch=lambda who, step, rows: parts.append((who, step, of_rows(world, rows))))
@@ -116,8 +65,8 @@ def nominal_sets(world: World, nominal: Sequence[Option], starts: Rows) -> Nomin
     sets = {}
     for number in range(len(nominal)):
         for name, where in (("visited", option == number), ("begun", (option == number) & begins)):
-            sets[number, name] = Known.of((values[where] - centre) / spread, episode[where])
-    return Nominal(centre, spread, sets)
+            sets[number, name] = StateSet.of((values[where] - centre) / spread, episode[where])
+    return NominalStates(centre, spread, sets)
 
 
 def last_decisions(world: World, nominal: Sequence[Option], agent: Agent, rows: Rows) -> tuple[Recovered, Rows]:
@@ -151,7 +100,42 @@ def _last(world: World, nominal: Sequence[Option], agent: Agent, rows: Rows) -> 
     return found, Rows.join([moments[number].take([row]) for row, number in enumerate(last.tolist())])
 
 
-def reuse_rows(world: World, nominal: Sequence[Option], agent: Agent, failures: Rows, known: Nominal) -> pd.DataFrame:
+@dataclass(frozen=True)
+class Novel:
+    """A recovery that reused an option where nominal execution never starts it.
+
+    Attributes:
+        learner, seed: whose policy, and of which start states.
+        failure: its number among the failures of the seed's episodes.
+        option: what was reused.
+        off: how far the start is from nominal ones, outside above 1.
+    """
+
+    learner: str
+    seed: int
+    failure: int
+    option: str
+    off: float
+
+
+def most_novel(reuse: pd.DataFrame) -> Novel | None:
+    """The farthest start that paid, of rows of `reuse_of_seed`; None if none was outside.
+
+    Novel is a start outside all states in which the option begins in nominal execution; the most novel is the farthest
+    from them, in the world's own features of failures.
+    """
+    number = reuse.groupby(["learner", "seed"]).cumcount()
+    rows = reuse.assign(number=number, off=reuse["off_begun"].astype(float))
+    paid = rows[rows["success"].astype(bool) & (rows["option"] != "") & (rows["off"] > 1.0)]
+    if paid.empty:
+        return None
+    one = paid.sort_values("off").iloc[-1]
+    return Novel(str(one["learner"]), int(one["seed"]), int(one["number"]), str(one["option"]), float(one["off"]))
+
+
+def reuse_rows(
+    world: World, nominal: Sequence[Option], agent: Agent, failures: Rows, known: NominalStates
+) -> pd.DataFrame:
     """One row per failure.
 
     Returns:
@@ -177,16 +161,16 @@ def reuse_rows(world: World, nominal: Sequence[Option], agent: Agent, failures: 
 
 
 def reuse_of_seed(
-    book: Book,
+    book: PolicyLedger,
     world: World,
     nominal: Sequence[Option],
     seed: int,
     agents: Agents,
     episodes: int,
-    known: Callable[[], Nominal],
+    known: Callable[[], NominalStates],
     key: Sequence[Any],
 ) -> pd.DataFrame:
-    """Rows of every learner, from records or leaving them; from the failures of `chain_episodes.episodes_of_seed`.
+    """Rows of every learner, from records or leaving them; from the failures of `episodes.episodes_of_seed`.
 
     Args:
         book: the ledger.

@@ -29,7 +29,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from p2l.contracts.world import Rows
+from p2l.contracts.rows import Rows
 from p2l.records import Array, BoolArray, IntArray
 
 RECENT = 100  # episodes from recorded failures that the recent success is taken over
@@ -40,7 +40,7 @@ SELDOM = 0.01  # weight of a failure that is always recovered from, and of a mom
 
 
 @dataclass(frozen=True)
-class Moments:
+class RevisitMoments:
     """K moments before a decision.
 
     Attributes:
@@ -57,9 +57,9 @@ class Moments:
     primitive_steps: IntArray
     muted: BoolArray
 
-    def take(self, index: IntArray) -> Moments:
+    def take(self, index: IntArray) -> RevisitMoments:
         """Those of `index`."""
-        return Moments(
+        return RevisitMoments(
             rows=self.rows.take(index),
             state=self.state[index],
             decisions=self.decisions[index],
@@ -67,14 +67,14 @@ class Moments:
             muted=self.muted[index],
         )
 
-    def put(self, index: IntArray, moments: Moments) -> None:
+    def put(self, index: IntArray, moments: RevisitMoments) -> None:
         """Overwrite those of `index`; only who made this record's arrays may do so."""
         self.rows.put(index, moments.rows)
         for name in ("state", "decisions", "primitive_steps", "muted"):
             getattr(self, name)[index] = getattr(moments, name)
 
     @classmethod
-    def join(cls, parts: Sequence[Moments]) -> Moments:
+    def join(cls, parts: Sequence[RevisitMoments]) -> RevisitMoments:
         """One after the other."""
         return cls(
             rows=Rows.join([part.rows for part in parts]),
@@ -89,7 +89,7 @@ class Moments:
 class _Way:
     """Moments of an episode that was paid, from its failure to its last decision; how episodes from each turn out."""
 
-    moments: Moments
+    moments: RevisitMoments
     success: Array
 
     def __len__(self) -> int:
@@ -136,7 +136,7 @@ class Revisits:
         self._failures: dict[bytes, _Failure] = {}  # by the state they start in: what looks the same is the same
         self._recent = np.zeros(RECENT)
         self._ended = 0
-        self._passed: Moments | None = None  # [B · decisions]
+        self._passed: RevisitMoments | None = None  # [B · decisions]
 
     @property
     def fresh(self) -> BoolArray:
@@ -149,7 +149,7 @@ class Revisits:
         recent = self._recent[: max(1, min(self._ended, RECENT))].mean()
         return self._share * max(0.0, 1.0 - float(recent) / ENOUGH) * min(1.0, len(self._known()) / MANY)
 
-    def begin(self, slots: IntArray) -> tuple[IntArray, Moments | None]:
+    def begin(self, slots: IntArray) -> tuple[IntArray, RevisitMoments | None]:
         """New episodes in `slots` [K]: those of them that go back, and the moments they go back to."""
         self.forget(slots)
         back = slots[self._rng.random(len(slots)) < self.share]
@@ -165,14 +165,14 @@ class Revisits:
             moment = int(self._rng.choice(len(way), p=chance / chance.sum()))
             self._episodes[slot] = _Episode(failure, way, moment)
             found.append(way.moments.take(np.array([moment])))
-        return back, Moments.join(found)
+        return back, RevisitMoments.join(found)
 
     def forget(self, slots: IntArray) -> None:
         """The episodes of `slots` [K] start at recorded failures."""
         for slot in slots:
             self._episodes[slot] = _Episode()
 
-    def passing(self, slots: IntArray, moments: Moments) -> None:
+    def passing(self, slots: IntArray, moments: RevisitMoments) -> None:
         """The moments [K] before a decision in `slots` [K]."""
         if self._passed is None:
             self._passed = moments.take(np.zeros(len(self._episodes) * self._decisions, dtype=np.int64))

@@ -21,12 +21,12 @@ from stable_baselines3.common.callbacks import BaseCallback
 from p2l.chaining.agent import agent_of, save_agent
 from p2l.chaining.checkpoint import Progress, load_checkpoint, save_checkpoint
 from p2l.chaining.execute import recover
-from p2l.chaining.learner import Learner, Task, no_failures
+from p2l.chaining.learner import ChainTask, Learner, no_failures
 from p2l.chaining.policy import NARROWEST, Card, Normalisation
 from p2l.chaining.pool import action_names, first_state
 from p2l.chaining.ppo import PoolPPO, PPOSettings
 from p2l.chaining.weights import exported, restore, tensors
-from p2l.contracts.world import Rows
+from p2l.contracts.rows import Rows
 from p2l.errors import ConfigError
 from p2l.seeding import entropy, generator
 from p2l.skills.primitives import STEPS
@@ -62,7 +62,7 @@ class TrainSettings:
 
 
 @dataclass(frozen=True)
-class Split:
+class FailureSplit:
     """Failures to learn from, and those of evaluations during training.
 
     Attributes:
@@ -84,7 +84,7 @@ class Split:
 Report = Callable[[str, Mapping[str, float]], None]
 
 
-def split(rows: Rows, episodes: int, seed: int, world: str) -> Split:
+def split(rows: Rows, episodes: int, seed: int, world: str) -> FailureSplit:
     """Set `episodes` failures apart; where that would be more than a fifth, none, and evaluations use them all.
 
     Raises:
@@ -94,11 +94,11 @@ def split(rows: Rows, episodes: int, seed: int, world: str) -> Split:
         raise no_failures(world)
     order = generator(seed, "chain_recoveries", world, "split").permutation(len(rows))
     if len(rows) < 5 * episodes:
-        return Split(rows, rows.take(order[np.arange(episodes) % len(rows)]), shared=True)
-    return Split(rows.take(np.sort(order[episodes:])), rows.take(order[:episodes]))
+        return FailureSplit(rows, rows.take(order[np.arange(episodes) % len(rows)]), shared=True)
+    return FailureSplit(rows.take(np.sort(order[episodes:])), rows.take(order[:episodes]))
 
 
-def apart_of(task: Task, learner: Learner, parts: Split, episodes: int) -> Rows:
+def apart_of(task: ChainTask, learner: Learner, parts: FailureSplit, episodes: int) -> Rows:
     """Where evaluations during training start: failures set apart, or fresh start states for a whole task."""
     if not learner.whole_task:
         return parts.apart
@@ -106,14 +106,10 @@ def apart_of(task: Task, learner: Learner, parts: Split, episodes: int) -> Rows:
 
 
 def summary(progress: Progress) -> dict[str, Any]:
-    """A finished run in plain numbers; learning alone has the speed `control_steps_per_s`."""
-    spent = sum(row["evaluation_seconds"] for row in progress.evaluations)
-    steps = progress.control_steps
+    """A finished run in plain numbers, the same on every machine; `times` tells what it took here."""
     return {
-        "control_steps": steps,
+        "control_steps": progress.control_steps,
         "evaluation_steps": sum(row["evaluation_steps"] for row in progress.evaluations),
-        "seconds": progress.seconds,
-        "control_steps_per_s": steps / max(progress.seconds - spent, 1e-9),
         "decisions": int(sum(value for row in progress.rounds for name, value in row.items() if "chosen:" in name)),
         "timeouts": sum(row["timeouts"] for row in progress.rounds),
         "settled": sum(row["settled"] for row in progress.rounds),
@@ -122,7 +118,13 @@ def summary(progress: Progress) -> dict[str, Any]:
     }
 
 
-def card_of(task: Task, learner: Learner, name: str, config_hash: str, narrowest: float = NARROWEST) -> Card:
+def times(progress: Progress) -> dict[str, float]:
+    """Wall time of a run, s; learning alone has the speed `control_steps_per_s`."""
+    learning_s = max(progress.seconds - progress.evaluation_seconds, 1e-9)
+    return {"seconds": progress.seconds, "control_steps_per_s": progress.control_steps / learning_s}
+
+
+def card_of(task: ChainTask, learner: Learner, name: str, config_hash: str, narrowest: float = NARROWEST) -> Card:
     """The card of the policy to come; observations are standardised by what the episodes start with."""
     state = first_state(task.world, learner.starts, learner.limits)
     return Card(
@@ -141,7 +143,7 @@ def card_of(task: Task, learner: Learner, name: str, config_hash: str, narrowest
 
 
 def train(
-    task: Task, learner: Learner, apart: Rows, settings: TrainSettings, card: Card, folder: Path, report: Report
+    task: ChainTask, learner: Learner, apart: Rows, settings: TrainSettings, card: Card, folder: Path, report: Report
 ) -> Progress:
     """Train until the budget is spent; leaves the best policy in `folder`.
 
@@ -152,7 +154,8 @@ def train(
         settings: budget and rhythm.
         card: of the policy, its `told` still empty.
         folder: for the policy and the checkpoint.
-        report: told `round` and `evaluation` rows as they come, before them `resumed` with a checkpoint's steps.
+        report: told `round` and `evaluation` rows as they come, with the wall time `seconds`; before them `resumed`
+            with a checkpoint's steps.
     """
     progress = load_checkpoint(folder, card) or Progress()
     resumed = progress.control_steps
@@ -178,7 +181,7 @@ class _Watcher(BaseCallback):
 
     def __init__(
         self,
-        task: Task,
+        task: ChainTask,
         learner: Learner,
         apart: Rows,
         settings: TrainSettings,
@@ -216,10 +219,10 @@ class _Watcher(BaseCallback):
             "settled": one.settled,
             "timeouts": self.model.pool.timeouts - self._timeouts,
         }
-        row |= {"reward": one.reward, "seconds": self._seconds(), **chosen}
+        row |= {"reward": one.reward, **chosen}
         self._timeouts = self.model.pool.timeouts
         progress.rounds.append(row)
-        self._report("round", row)
+        self._report("round", {**row, "seconds": self._seconds()})
         last = progress.evaluations[-1]["control_steps"]
         if progress.control_steps - last >= self._settings.evaluate_every:
             self._evaluate()
@@ -239,9 +242,9 @@ class _Watcher(BaseCallback):
             "success": success,
             "episodes": len(found.success),
         }
-        row |= {"evaluation_steps": int(found.steps.sum()), "seconds": self._seconds()}
-        row |= {"evaluation_seconds": self._seconds() - begun}
+        row["evaluation_steps"] = int(found.steps.sum())
         progress.evaluations.append(row)
+        progress.evaluation_seconds += self._seconds() - begun
         if success >= progress.best:  # of equals the later one has seen more
             progress.best = success
             told = {"control_steps": self.model.num_timesteps, "evaluation_success": success}
@@ -249,7 +252,7 @@ class _Watcher(BaseCallback):
         progress.tensors = tensors(self.model)
         progress.seconds = self._seconds()
         save_checkpoint(self._folder, progress, self._card)
-        self._report("evaluation", row)
+        self._report("evaluation", {**row, "seconds": progress.seconds})
 
     def _seconds(self) -> float:
         return time.perf_counter() - self._since

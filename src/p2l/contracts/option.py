@@ -15,12 +15,12 @@ from dataclasses import dataclass
 from typing import Protocol, runtime_checkable
 
 from p2l.contracts.observation import Observation, Privileged
-from p2l.contracts.world import Command
+from p2l.contracts.rows import Command
 from p2l.records import Array, BoolArray, IntArray
 
 
 @dataclass(frozen=True)
-class Decision:
+class OptionStep:
     """What an option wants for the next control step.
 
     Attributes:
@@ -56,5 +56,5 @@ class Option(Protocol):
     def begin(self, seen: Observation) -> Array:
         """[N, m] memory at the start, from what is observed then."""
 
-    def decide(self, seen: Observation, memory: Array, step: IntArray) -> Decision:
+    def decide(self, seen: Observation, memory: Array, step: IntArray) -> OptionStep:
         """The next control step; `step` [N] counts those carried out since `begin`."""

@@ -1,101 +1,30 @@
-"""The contract of a manipulation world, and the moment of an execution that everything is a function of.
+"""The contract of a manipulation world.
 
-Axis letters: N rows, S state columns, D sensor values, E estimated coordinates, M columns of a world's memory.
+Axis letters: N rows, U controls of the engine, M columns of a world's memory.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
-from typing import Any, Protocol, runtime_checkable
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
-import mujoco
 import numpy as np
-import numpy.typing as npt
 
 from p2l.contracts.estimator import Estimator
 from p2l.contracts.observation import Observation, Privileged
-from p2l.errors import ShapeError
+from p2l.contracts.option import Option
+from p2l.contracts.rows import Command, Rows
+from p2l.contracts.symbols import Symbols
+from p2l.errors import ConfigError
 from p2l.records import Array, BoolArray, IntArray
-from p2l.sim.batch import Chunk, Engine
+
+if TYPE_CHECKING:  # tables and figures of finished runs load no simulator
+    import mujoco
+
+    from p2l.sim.batch import Chunk, Engine
 
 NO_FAILURE = -1
-
-
-@dataclass(frozen=True)
-class Rows:
-    """N executions at one moment; with the commands to come it decides their future to the bit.
-
-    Attributes:
-        states: [N, S] rows of the engine.
-        sensors: [N, D] last sensor values.
-        model: [N] which of the engine's models each row uses.
-        noise: [N, K, E] unit normals of the state estimator, see `worlds.estimator`.
-        actions: [N] actions (options or primitives) finished so far.
-        memory: [N, M] what the world's failure detectors remember, e.g. the pose of a box in the hand.
-        grip: [N] last command to the fingers, 0 = open, 1 = closed.
-    """
-
-    states: Array
-    sensors: Array
-    model: IntArray
-    noise: Array
-    actions: IntArray
-    memory: Array
-    grip: Array
-
-    def __len__(self) -> int:
-        return len(self.states)
-
-    def take(self, index: npt.ArrayLike) -> Rows:
-        """The rows of `index` (integers or a mask), in that order."""
-        rows = np.asarray(index)
-        return Rows(**{name: value[rows] for name, value in self.arrays().items()})
-
-    def put(self, index: npt.ArrayLike, rows: Rows) -> None:
-        """Overwrite the rows of `index`; only who made this record's arrays may do so (the runner's slots)."""
-        where = np.asarray(index)
-        for name, value in self.arrays().items():
-            value[where] = getattr(rows, name)
-
-    def arrays(self) -> dict[str, npt.NDArray[Any]]:
-        """The fields by name, for `artifacts.save_arrays`."""
-        return {field.name: getattr(self, field.name) for field in fields(self)}
-
-    @classmethod
-    def from_arrays(cls, arrays: Mapping[str, npt.NDArray[Any]]) -> Rows:
-        """From what `arrays` gave.
-
-        Raises:
-            ShapeError: the fields do not have the same number of rows, or hold NaN.
-        """
-        made = cls(**{field.name: np.array(arrays[field.name]) for field in fields(cls)})
-        counts = {name: len(value) for name, value in made.arrays().items()}
-        if len(set(counts.values())) > 1:
-            raise ShapeError(f"rows: the fields have different numbers of rows: {counts}")
-        if bad := [name for name, value in made.arrays().items() if not np.isfinite(value).all()]:
-            raise ShapeError(f"rows: {', '.join(bad)} hold NaN or infinity")
-        return made
-
-    @classmethod
-    def join(cls, parts: Sequence[Rows]) -> Rows:
-        """The rows of all parts, in order."""
-        return cls(**{f.name: np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(cls)})
-
-
-@dataclass(frozen=True)
-class Command:
-    """What the arm is asked for during the next control step.
-
-    Attributes:
-        pos: [N, 3] of the grip site's target, world frame, m.
-        quat: [N, 4] of the target, (w, x, y, z).
-        grip: [N] 0 = fingers open, 1 = closed.
-    """
-
-    pos: Array
-    quat: Array
-    grip: Array
 
 
 @dataclass(frozen=True)
@@ -171,8 +100,46 @@ class World(Protocol):
     def goal(self, rows: Rows) -> BoolArray:
         """[N] whether the task is done, judged on the truth."""
 
+    def nominal_options(self) -> tuple[Option, ...]:
+        """The nominal chain π_1 … π_k, in order."""
+
     def drawn(self, model: int) -> mujoco.MjModel:
         """The twin of one of the engine's models that has visuals, for videos."""
+
+
+@runtime_checkable
+class Described(Protocol):
+    """A world with a skill graph (chapter 4)."""
+
+    def symbols(self) -> Symbols:
+        """How its states are described to preconditions and recoveries."""
+
+
+@runtime_checkable
+class Delivering(Protocol):
+    """A world whose task is to bring its object (`object_pos_m` of the truth) somewhere."""
+
+    def delivery_pos(self, truth: Privileged) -> Array:
+        """[N, 3] where the object belongs, world frame, m."""
+
+
+@runtime_checkable
+class Strategic(Protocol):
+    """A world that can tell by which strategies a recovery got out of a failure."""
+
+    def strategies(self, before: Rows, after: Rows) -> Mapping[str, BoolArray]:
+        """[N] by name, which strategies the recovery from `before` [N] to its last decision `after` [N] shows."""
+
+
+def symbols_of(world: World) -> Symbols:
+    """How a world is described to preconditions and recoveries.
+
+    Raises:
+        ConfigError: it is not.
+    """
+    if not isinstance(world, Described):
+        raise ConfigError(f"world '{world.name}' has no symbols, so no skill graph: its class has no method `symbols`")
+    return world.symbols()
 
 
 def advance(world: World, rows: Rows, command: Command) -> tuple[Rows, IntArray, BoolArray]:

@@ -3,14 +3,26 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import pandas as pd
-from matplotlib.figure import Figure
 
 from p2l.artifacts import atomic
 from p2l.errors import ArtifactError
-from p2l.evaluation.style import png
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True)
+class StageReport:
+    """What a stage tells besides its outputs: headline numbers, files, and paragraphs."""
+
+    metrics: Mapping[str, float]
+    files: Sequence[Path]
+    notes: Sequence[str] = ()
 
 
 def save_sheets(out: Path, tables: Mapping[str, pd.DataFrame], figures: Mapping[str, Figure]) -> None:
@@ -18,6 +30,8 @@ def save_sheets(out: Path, tables: Mapping[str, pd.DataFrame], figures: Mapping[
     for name, table in tables.items():
         with atomic(out / f"{name}.csv") as temporary:
             table.to_csv(temporary, index=False, float_format="%.6g")
+    if figures:
+        from p2l.evaluation.style import png  # matplotlib, which tables alone do without
     for name, figure in figures.items():
         with atomic(out / f"{name}.png") as temporary:
             temporary.write_bytes(png(figure))

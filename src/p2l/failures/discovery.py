@@ -21,7 +21,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from p2l.contracts.option import Option
-from p2l.contracts.world import NO_FAILURE, Rows, World
+from p2l.contracts.rows import Rows
+from p2l.contracts.world import NO_FAILURE, World
 from p2l.errors import ConfigError
 from p2l.failures.record import STRANDED, Failures, Origin
 from p2l.failures.strategy import STRATEGIES

@@ -18,10 +18,11 @@ import numpy.typing as npt
 from p2l.artifacts import load_arrays, save_arrays
 from p2l.contracts.observation import Observation, Privileged
 from p2l.contracts.option import Option
-from p2l.contracts.world import Rows, World
-from p2l.errors import ArtifactError, ShapeError
+from p2l.contracts.rows import Rows
+from p2l.contracts.world import World
+from p2l.errors import ArtifactError, ConfigError, ShapeError
 from p2l.records import Array, BoolArray, IntArray, freeze
-from p2l.registry import get_options, get_world
+from p2l.worlds.table import make_world
 
 SCHEMA, VERSION = "failures", 1
 SPLITS = ("train", "held_out")
@@ -35,7 +36,7 @@ class Origin:
     """Where failures come from, enough to build their world and to sample their episodes again.
 
     Attributes:
-        world: registered name.
+        world: registered name, or target of a world that is not ours.
         params: what the world is made with, plain values; the strategy's estimator among them.
         digest: of the world; a row of another digest means something else.
         strategy: of discovery.
@@ -174,9 +175,22 @@ def open_world(failures: Failures, path: Path | str, nthread: int | None = None)
         ConfigError: there is no such world any more.
     """
     threads = {} if nthread is None else {"nthread": nthread}
-    world = get_world(failures.origin.world, {**failures.origin.params, **threads})
+    world = make_world(failures.origin.world, {**failures.origin.params, **threads})
     check_world(failures, world, path)
-    return world, get_options(world.name, world)
+    return world, world.nominal_options()
+
+
+def one_failure(failures: Failures, number: int, world: str, path: Path | str) -> Failures:
+    """The failure of a number, counted from 0, of the world that is asked for.
+
+    Raises:
+        ConfigError: another world, or no such number.
+    """
+    if failures.origin.world != world:
+        raise ConfigError(f"{path}: holds failures of '{failures.origin.world}', not of '{world}'")
+    if number >= len(failures):
+        raise ConfigError(f"failure={number}: {path} holds {len(failures)}, numbered from 0")
+    return failures.take([number])
 
 
 def check_params(failures: Failures, world: str, params: Mapping[str, Any], path: Path | str) -> None:
@@ -212,7 +226,7 @@ def check_world(failures: Failures, world: World, path: Path | str) -> None:
     Raises:
         ArtifactError: another name, other parameters, or another version of the world.
     """
-    if failures.origin.world != world.name:
+    if failures.origin.world != world.name and ":" not in failures.origin.world:  # else the digest tells
         raise ArtifactError(f"{path}: holds failures of world '{failures.origin.world}', not of '{world.name}'")
     if failures.origin.digest != world.digest:
         raise ArtifactError(

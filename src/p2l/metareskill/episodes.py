@@ -25,11 +25,11 @@ from p2l.failures.classifier import ModeClassifier
 from p2l.ledger import Item, find, write
 from p2l.metareskill.record import Recoveries, preconditions_hash, recoveries_hash
 from p2l.metareskill.strategies import playbook
-from p2l.metareskill.target import Task
+from p2l.metareskill.strategy_names import LEARNT, OPEN_LOOP
+from p2l.metareskill.target import RecoveryTask
 from p2l.seeding import generator
 from p2l.skills.chain import Execution, run
 
-LEARNT, OPEN_LOOP = "recoveries", "open_loop"
 VERSION = 1  # raise it when an edit of the code changes episodes: committed records know no code
 POLICY = 2  # the same for what recoveries alone depend on
 
@@ -40,7 +40,7 @@ class Place:
 
     Attributes:
         name: of the items' records.
-        setting: for the tables, see `recovery_tables`.
+        setting: for the tables, see `p2l.evaluation.metareskill.tables`.
         world: with its estimator; its rows are where episodes start.
         task: what the strategies see of it; its world is another one where robosuite simulates.
         nominal: K options.
@@ -51,14 +51,14 @@ class Place:
     name: str
     setting: str
     world: World
-    task: Task
+    task: RecoveryTask
     nominal: tuple[Option, ...]
     episodes: int
     slots: int
 
 
 @dataclass(frozen=True)
-class Book:
+class EpisodeLedger:
     """Where items are looked up, and what they are functions of besides place, strategy and seed.
 
     Attributes:
@@ -75,7 +75,7 @@ class Book:
 
 
 def episodes(
-    book: Book,
+    book: EpisodeLedger,
     place: Place,
     strategy: str,
     seed: int,
@@ -112,7 +112,7 @@ def episodes(
 
 
 def gather(
-    book: Book,
+    book: EpisodeLedger,
     places: Sequence[tuple[Place, Sequence[str]]],
     seed: int,
     modes: ModeClassifier,
@@ -130,7 +130,7 @@ def gather(
 
 
 def _execute(
-    book: Book,
+    book: EpisodeLedger,
     place: Place,
     strategy: str,
     seed: int,
@@ -176,7 +176,7 @@ def _content(execution: Execution, nominal: int) -> dict[str, Any]:
     }
 
 
-def _identity(book: Book, place: Place, strategy: str, seed: int, recoveries: Recoveries) -> str:
+def _identity(book: EpisodeLedger, place: Place, strategy: str, seed: int, recoveries: Recoveries) -> str:
     """Hash of all that decides an item; heuristics are no function of what was learnt."""
     graph = recoveries.graph
     decisive: list[Any] = [

@@ -18,14 +18,14 @@ from p2l.failures.classifier import ModeClassifier
 from p2l.failures.lost import lost
 from p2l.failures.record import Failures
 from p2l.ledger import Item, write
-from p2l.metareskill.choosers.choose import Chooser
+from p2l.metareskill.choosers.contract import Chooser
 from p2l.metareskill.graph import SkillGraph
 from p2l.metareskill.history import History
 from p2l.metareskill.ledger import Ledger
 from p2l.metareskill.loop import learn
 from p2l.metareskill.query import QueryOptions
 from p2l.metareskill.record import modes_hash, preconditions_hash
-from p2l.metareskill.target import Task
+from p2l.metareskill.target import RecoveryTask
 from p2l.metareskill.train import Members, Trainer
 from p2l.seeding import generator
 
@@ -39,7 +39,7 @@ class Rewards:
     c_fail: float = 10.0
 
 
-def members(task: Task, failures: Failures, modes: ModeClassifier) -> tuple[Members, int]:
+def members(task: RecoveryTask, failures: Failures, modes: ModeClassifier) -> tuple[Members, int]:
     """Failures with their modes, and how many were left out because a precondition, as learnt, holds there.
 
     Raises:
@@ -50,7 +50,7 @@ def members(task: Task, failures: Failures, modes: ModeClassifier) -> tuple[Memb
     return Members(kept.rows, modes.classify(kept.truth)[0]), len(failures) - len(where)
 
 
-def start_graph(task: Task, failures: Members, modes: ModeClassifier, rewards: Rewards) -> SkillGraph:
+def start_graph(task: RecoveryTask, failures: Members, modes: ModeClassifier, rewards: Rewards) -> SkillGraph:
     """The graph before any training: nominal skills as measured, modes as large as found, no recovery succeeds.
 
     Raises:
@@ -81,7 +81,7 @@ class Setting:
         ArtifactError: a mode has no held-out failure to measure its recoveries on.
     """
 
-    task: Task
+    task: RecoveryTask
     modes: ModeClassifier
     failures: Members
     held_out: Members

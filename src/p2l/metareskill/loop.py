@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from p2l.errors import ConfigError
-from p2l.metareskill.choosers.choose import Choice, Chooser
+from p2l.metareskill.choosers.contract import Choice, Chooser
 from p2l.metareskill.graph import SkillGraph
 from p2l.metareskill.history import History, Round, Trained
 from p2l.metareskill.value_iteration import value_of_failures

@@ -26,9 +26,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from p2l.contracts.world import Rows
+from p2l.contracts.rows import Rows
 from p2l.errors import ConfigError
-from p2l.metareskill.target import Task
+from p2l.metareskill.target import RecoveryTask
 from p2l.records import Array, BoolArray
 from p2l.skills.execute import execute, known_exactly
 from p2l.skills.relative import SIZE, WAYPOINTS, Timing
@@ -86,7 +86,7 @@ class QueryOptions:
 
 
 @dataclass(frozen=True)
-class Answer:
+class QueryResult:
     """What a query found.
 
     Attributes:
@@ -105,12 +105,12 @@ class Answer:
 
 
 def query(
-    task: Task, rows: Rows, targets: Sequence[int], rngs: Sequence[np.random.Generator], options: QueryOptions
-) -> tuple[Answer, ...]:
+    task: RecoveryTask, rows: Rows, targets: Sequence[int], rngs: Sequence[np.random.Generator], options: QueryOptions
+) -> tuple[QueryResult, ...]:
     """Search for a recovery from each of `rows` [Q] to each of `targets` [Q]."""
     rows = known_exactly(rows)
     searches = [_first(task, rows.take([q]), target, rngs[q], options) for q, target in enumerate(targets)]
-    answers: dict[int, Answer] = {}
+    answers: dict[int, QueryResult] = {}
     curves: list[tuple[list[float], list[float]]] = [([], []) for _ in targets]
     for number in range(1, options.updates + 1):
         active = [q for q in range(len(targets)) if q not in answers]
@@ -127,11 +127,13 @@ def query(
                 searches[q] = _updated(searches[q], samples, value, options)
                 continue
             success, mean = (tuple(curve) for curve in curves[q])
-            answers[q] = Answer(searches[q].mean, solved, success, mean, number * options.rollouts)
+            answers[q] = QueryResult(searches[q].mean, solved, success, mean, number * options.rollouts)
     return tuple(answers[q] for q in range(len(targets)))
 
 
-def _first(task: Task, row: Rows, target: int, rng: np.random.Generator, options: QueryOptions) -> SearchDistribution:
+def _first(
+    task: RecoveryTask, row: Rows, target: int, rng: np.random.Generator, options: QueryOptions
+) -> SearchDistribution:
     wanted = task.preconditions.density(target).sample(rng, 1)
     mean = task.towards(task.world.privileged(row), task.world.observe(row), wanted)[0]
     mean[6 : 7 * (WAYPOINTS - 1) : 7] = 0.0
@@ -151,7 +153,7 @@ def _updated(search: SearchDistribution, samples: Array, returns: Array, options
 
 
 def _rollouts(
-    task: Task,
+    task: RecoveryTask,
     rows: Rows,
     active: Sequence[int],
     targets: Sequence[int],

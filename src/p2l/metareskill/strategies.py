@@ -41,7 +41,7 @@ from p2l.failures.classifier import ModeClassifier
 from p2l.metareskill.graph import SkillGraph
 from p2l.metareskill.regression import ParameterisedSkill
 from p2l.metareskill.strategy_names import STRATEGIES
-from p2l.metareskill.target import Task
+from p2l.metareskill.target import RecoveryTask
 from p2l.metareskill.value_iteration import NONE, best_recovery, nominal_policy
 from p2l.records import IntArray
 from p2l.skills.chain import FINISH, Choose, Moments, in_order
@@ -74,7 +74,7 @@ class _Policy:
         max_options: an episode ends after as many.
     """
 
-    task: Task
+    task: RecoveryTask
     graph: SkillGraph
     max_options: int
 
@@ -103,7 +103,7 @@ class _Policy:
 
 def playbook(
     strategy: str,
-    task: Task,
+    task: RecoveryTask,
     nominal: Sequence[Option],
     graph: SkillGraph,
     timing: Timing,
@@ -198,9 +198,9 @@ class _Executed:
         self._counts[episode, mode, target] += 1
 
 
-def _straight(task: Task, target: int) -> Plan:
+def _straight(task: RecoveryTask, target: int) -> Plan:
     return lambda seen: task.straight(seen, target)
 
 
-def _learnt(task: Task, skill: ParameterisedSkill, target: int) -> Plan:
+def _learnt(task: RecoveryTask, skill: ParameterisedSkill, target: int) -> Plan:
     return lambda seen: task.recovery(skill, target, seen)

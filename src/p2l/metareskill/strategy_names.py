@@ -1,5 +1,6 @@
-"""The names of recovery strategies, apart from what they do: a configuration is checked without a simulator."""
+"""The names of recovery strategies, apart from what they do: configurations and tables need no simulator."""
 
 from __future__ import annotations
 
-STRATEGIES = ("recoveries", "retry", "to_previous", "to_start", "no_recovery", "open_loop")
+LEARNT, OPEN_LOOP = "recoveries", "open_loop"
+STRATEGIES = (LEARNT, "retry", "to_previous", "to_start", "no_recovery", OPEN_LOOP)

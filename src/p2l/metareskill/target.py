@@ -13,8 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from p2l.contracts.observation import Observation, Privileged
+from p2l.contracts.rows import Rows
 from p2l.contracts.symbols import Symbols
-from p2l.contracts.world import Rows, World
+from p2l.contracts.world import World
 from p2l.metareskill.regression import ParameterisedSkill
 from p2l.preconditions.record import Preconditions
 from p2l.records import Array, BoolArray
@@ -24,7 +25,7 @@ DENSITY, PROBABILITY = 0.1, 10.0
 
 
 @dataclass(frozen=True)
-class Task:
+class RecoveryTask:
     """A world with its preconditions, as recoveries see it.
 
     Attributes:

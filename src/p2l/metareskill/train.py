@@ -15,13 +15,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from p2l.contracts.world import Rows
+from p2l.contracts.rows import Rows
 from p2l.errors import ArtifactError
 from p2l.metareskill.history import Trained
 from p2l.metareskill.ledger import Entry, Ledger
 from p2l.metareskill.query import QueryOptions, query
 from p2l.metareskill.regression import ParameterisedSkill, fit_skill
-from p2l.metareskill.target import Task
+from p2l.metareskill.target import RecoveryTask
 from p2l.records import Array, IntArray
 from p2l.seeding import generator
 from p2l.skills.execute import execute, known_exactly
@@ -59,7 +59,7 @@ class Trainer:
         residual: whether skills add to the straight motion, see `regression`.
     """
 
-    task: Task
+    task: RecoveryTask
     failures: Members
     held_out: Members
     options: QueryOptions

@@ -11,13 +11,16 @@ Axis letters: N samples, D state columns, K skills.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from p2l.contracts.option import Option
+from p2l.contracts.rows import Rows
 from p2l.contracts.symbols import Symbols
-from p2l.contracts.world import Rows, World
+from p2l.contracts.world import World
 from p2l.errors import ConfigError
 from p2l.preconditions.classifier import PreconditionClassifier, fit_classifier
 from p2l.preconditions.mixture import Mixture, fit_gaussian, standardisation
@@ -100,6 +103,14 @@ class Chaining:
     good: tuple[Array, ...]
     trajectories: int
     successful: int
+
+    def sample_arrays(self) -> dict[str, npt.NDArray[Any]]:
+        """All samples as `<skill>.<field>`, for `artifacts.save_arrays`."""
+        return {
+            f"{name}.{each.name}": getattr(samples, each.name)
+            for name, samples in zip(self.preconditions.names, self.samples, strict=True)
+            for each in fields(samples)
+        }
 
 
 def chain_preconditions(

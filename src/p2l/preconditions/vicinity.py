@@ -24,8 +24,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from p2l.contracts.option import Option
+from p2l.contracts.rows import Rows
 from p2l.contracts.symbols import Symbols
-from p2l.contracts.world import Rows, World
+from p2l.contracts.world import World
 from p2l.errors import ConfigError
 from p2l.preconditions.mixture import Mixture
 from p2l.records import BoolArray
@@ -60,7 +61,7 @@ class Vicinity:
 
 
 @dataclass(frozen=True)
-class Pool:
+class MomentPool:
     """Moments of nominal executions under wrong estimates.
 
     Attributes:
@@ -72,20 +73,22 @@ class Pool:
     moments: Rows
 
 
-def executed(world: World, options: Sequence[Option], starts: Rows, noise: float, rng: np.random.Generator) -> Pool:
+def executed(
+    world: World, options: Sequence[Option], starts: Rows, noise: float, rng: np.random.Generator
+) -> MomentPool:
     """Run the chain open loop from `starts` [N], each with an error of up to `noise` times its own."""
     factor = noise * rng.random((len(starts), 1, 1))
     noisy = replace(starts, noise=starts.noise * factor)
     run = chain.run(world, options, noisy, stop_on_failure=False)
     ends = run.ends.take(~run.diverged[run.ends.episode])
     sets = [noisy, *(ends.rows.take(ends.option == index) for index in range(len(options)))]
-    return Pool(tuple(known_exactly(rows) for rows in sets[:-1]), known_exactly(Rows.join(sets)))
+    return MomentPool(tuple(known_exactly(rows) for rows in sets[:-1]), known_exactly(Rows.join(sets)))
 
 
 def sample(
     world: World,
     symbols: Symbols,
-    pool: Pool,
+    pool: MomentPool,
     skill: int,
     good: Mixture,
     count: int,

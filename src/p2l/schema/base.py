@@ -5,14 +5,24 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from difflib import get_close_matches
-from typing import Annotated, Any, TypeVar, cast
+from typing import Annotated, Any, ClassVar, TypeVar, cast
 
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Field,
+    SerializerFunctionWrapHandler,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+    model_serializer,
+)
 
 from p2l.artifacts import config_hash
-from p2l.errors import ConfigError
+from p2l.errors import ConfigError, P2LError
+from p2l.registry import Registry
 
 Count = Annotated[int, Field(ge=1)]
 Positive = Annotated[float, Field(gt=0)]
@@ -21,20 +31,63 @@ Probability = Annotated[float, Field(ge=0, le=1)]
 ModelT = TypeVar("ModelT", bound=BaseModel)
 
 
-class Section(BaseModel):
+class ConfigSection(BaseModel):
     """Part of a configuration: frozen, no unknown keys, no NaN or infinity, no number written as text."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
 
 
-class TrackingConfig(Section):
+class ChoiceConfig(ConfigSection):
+    """Something chosen by name: of ours, or `target: package.module:attribute` of another package.
+
+    `params` go to its factory, which refuses those it does not know; `name` stands for it in tables and folders.
+    """
+
+    registry: ClassVar[Registry[Any]]
+
+    target: Annotated[str | None, Field(validate_default=True)] = None
+    name: str
+    params: dict[str, Any] = Field(default_factory=dict)
+
+    @property
+    def key(self) -> str:
+        """What the registry knows it by."""
+        return self.target or self.name
+
+    @field_validator("target")
+    @classmethod
+    def _importable(cls, target: str | None) -> str | None:
+        if target is not None and ":" not in target:
+            raise ValueError("it has no colon; write 'package.module:attribute'")
+        return None if target is None else _registered(cls.registry, target)
+
+    @field_validator("name")
+    @classmethod
+    def _known(cls, name: str, info: ValidationInfo) -> str:
+        return name if info.data.get("target") else _registered(cls.registry, name)
+
+    @model_serializer(mode="wrap")
+    def _without_absent_target(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """A configuration that names no target is the same as before there were any."""
+        values: dict[str, Any] = plain(self)
+        return {key: values[key] for key in ("name", *values) if key != "target" or values[key] is not None}
+
+
+def _registered(registry: Registry[Any], key: str) -> str:
+    try:
+        return registry.check(key)
+    except P2LError as error:
+        raise ValueError(str(error)) from None
+
+
+class TrackingConfig(ConfigSection):
     """Where metrics go; `uri: null` means `MLFLOW_TRACKING_URI`, else the repository's own sqlite store."""
 
     enabled: bool = True
     uri: str | None = None
 
 
-class StageConfig(Section):
+class StageConfig(ConfigSection):
     """What every stage's configuration holds."""
 
     seed: Annotated[int, Field(ge=0, lt=2**32)] = 0

@@ -5,36 +5,24 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import Field, model_validator
 
-from p2l.chaining.learners.table import known_learners
-from p2l.schema.base import Count, NotNegative, Positive, Probability, Section
+from p2l.chaining.learners.table import LEARNERS
+from p2l.schema.base import ChoiceConfig, ConfigSection, Count, NotNegative, Positive, Probability
 from p2l.schema.recovery import VideoConfig, WorldStageConfig
 
-
-def known_learner(name: str) -> str:
-    """Refuse a learner that is not registered."""
-    if name not in known_learners():
-        raise ValueError(f"unknown learner; allowed: {', '.join(known_learners())}")
-    return name
-
-
-Learner = Annotated[str, AfterValidator(known_learner)]
 Seed = Annotated[int, Field(ge=0)]
 
 
-class LearnerConfig(Section):
-    """A registered learner; `params` go to it, and it refuses those it does not know.
+class LearnerConfig(ChoiceConfig):
+    """A learner; `budget_share` is the share of the stage's budget that it may simulate: a lazy learner gets less."""
 
-    `budget_share` is the share of the stage's budget that it may simulate: a lazy learner gets less.
-    """
+    registry = LEARNERS
 
-    name: Learner
-    params: dict[str, Any] = Field(default_factory=dict)
     budget_share: Annotated[float, Field(gt=0, le=1)] = 1.0
 
 
-class LimitsConfig(Section):
+class LimitsConfig(ConfigSection):
     """See `p2l.chaining.mdp.Limits`; no `fields` stands for the whole observation."""
 
     decisions: Count
@@ -43,7 +31,7 @@ class LimitsConfig(Section):
     fields: tuple[str, ...]
 
 
-class PPOConfig(Section):
+class PPOConfig(ConfigSection):
     """See `p2l.chaining.ppo.PPOSettings`."""
 
     n_steps: Count
@@ -57,7 +45,7 @@ class PPOConfig(Section):
     hidden: Annotated[tuple[Count, ...], Field(min_length=1)]
 
 
-class EvaluationConfig(Section):
+class EvaluationConfig(ConfigSection):
     """Evaluations during training: `every` so many control steps, on failures set apart."""
 
     every: Count
@@ -104,7 +92,7 @@ class ChainRecoveriesConfig(WorldStageConfig):
         return self
 
 
-class TransferConfig(Section):
+class TransferConfig(ConfigSection):
     """Table 5.2: policies, unchanged, in worlds that they were not learnt in.
 
     Attributes:
@@ -114,13 +102,13 @@ class TransferConfig(Section):
         variants: by name, the world's parameters that differ.
     """
 
-    learners: tuple[Learner, ...]
+    learners: tuple[str, ...]
     failures: Annotated[int, Field(ge=0)]
     robosuite_failures: Annotated[int, Field(ge=0)]
     variants: dict[str, dict[str, Any]]
 
 
-class ReuseConfig(Section):
+class ReuseConfig(ConfigSection):
     """Figure 5.9, and recoveries by strategy.
 
     Attributes:
@@ -128,11 +116,11 @@ class ReuseConfig(Section):
         nominal_runs: of the nominal skills, to know where they are.
     """
 
-    learners: tuple[Learner, ...]
+    learners: tuple[str, ...]
     nominal_runs: Count
 
 
-class AblationConfig(Section):
+class AblationConfig(ConfigSection):
     """Policies learnt under other state uncertainty, or from other observations: one folder for each variant.
 
     Attributes:
@@ -140,7 +128,7 @@ class AblationConfig(Section):
         variants: by name, the world's parameters that differ; the policies are those of `<learnt>_<name>`.
     """
 
-    learner: Learner
+    learner: str
     variants: dict[str, dict[str, Any]]
 
 
@@ -153,7 +141,7 @@ class EvaluateChainsConfig(WorldStageConfig):
     learnt: Path
     thesis: Path
     records: Path | None
-    learners: Annotated[tuple[Learner, ...], Field(min_length=1)]
+    learners: Annotated[tuple[str, ...], Field(min_length=1)]
     seeds: Annotated[tuple[Seed, ...], Field(min_length=1)]
     episodes: Count
     slots: Count

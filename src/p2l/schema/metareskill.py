@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, model_validator
 
+from p2l.metareskill.choosers.table import CHOOSERS
 from p2l.metareskill.strategy_names import STRATEGIES
-from p2l.schema.base import Count, Positive, Probability, Section
+from p2l.schema.base import ChoiceConfig, ConfigSection, Count, Positive, Probability
 from p2l.schema.recovery import DescribedWorldConfig, ExecutionsConfig, VideoConfig, WorldStageConfig
 
 
@@ -25,14 +26,14 @@ Steps = Annotated[tuple[Annotated[int, Field(ge=0)], ...], Field(min_length=3, m
 Seeds = Annotated[tuple[Annotated[int, Field(ge=0, lt=2**32)], ...], Field(min_length=1)]
 
 
-class TimingConfig(Section):
+class TimingConfig(ConfigSection):
     """See `p2l.skills.relative.Timing`."""
 
     legs: Steps
     settle: Steps
 
 
-class VicinityConfig(Section):
+class VicinityConfig(ConfigSection):
     """See `p2l.preconditions.vicinity.Vicinity`."""
 
     noise: Positive
@@ -60,7 +61,7 @@ class FitPreconditionsConfig(WorldStageConfig):
         return "chaining"
 
 
-class QueryConfig(Section):
+class QueryConfig(ConfigSection):
     """One REPS query; see `p2l.metareskill.query.QueryOptions`."""
 
     updates: Count
@@ -76,14 +77,13 @@ class QueryConfig(Section):
     shrinkage: Probability
 
 
-class ChooserConfig(Section):
-    """A registered chooser; its factory refuses settings that it does not know."""
+class ChooserConfig(ChoiceConfig):
+    """A chooser; its factory refuses settings that it does not know."""
 
-    name: str
-    params: dict[str, Any] = Field(default_factory=dict)
+    registry = CHOOSERS
 
 
-class RewardsConfig(Section):
+class RewardsConfig(ConfigSection):
     """Of the skill graph; see `p2l.metareskill.graph`."""
 
     skill_reward: Annotated[float, Field(le=0)]

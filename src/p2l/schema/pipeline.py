@@ -7,14 +7,18 @@ from typing import Annotated
 
 from pydantic import AfterValidator, Field, model_validator
 
+from p2l.domains.table import DOMAINS
+from p2l.errors import P2LError
 from p2l.schema.base import StageConfig
-from p2l.schema.team import known_domain
 
 
 def _known_domains(names: tuple[str, ...]) -> tuple[str, ...]:
     if not names:
         raise ValueError("name at least one domain")
-    return tuple(known_domain(name) for name in names)
+    try:
+        return tuple(DOMAINS.check(name) for name in names)
+    except P2LError as error:
+        raise ValueError(str(error)) from None
 
 
 class ItemsConfig(StageConfig):

@@ -2,45 +2,37 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal, Self
 
-from pydantic import AfterValidator, Field
+from pydantic import Field, model_validator
 
 from p2l.contracts.estimator import Mode
 from p2l.failures.strategy import Strategy
-from p2l.registry import described_worlds, known_worlds
-from p2l.schema.base import Count, NotNegative, Positive, Section, StageConfig
+from p2l.schema.base import ChoiceConfig, ConfigSection, Count, NotNegative, Positive, StageConfig
+from p2l.worlds.table import WORLDS
 
 Even = Annotated[int, Field(ge=16, le=1920, multiple_of=2)]
 Index = Annotated[int, Field(ge=0)]
 
 
-def known_world(name: str) -> str:
-    """Refuse a world that is not registered."""
-    if name not in known_worlds():
-        raise ValueError(f"unknown world; allowed: {', '.join(known_worlds())}")
-    return name
+class WorldConfig(ChoiceConfig):
+    """A manipulation world."""
 
-
-def described_world(name: str) -> str:
-    """Refuse a world that has no skill graph."""
-    if name not in described_worlds():
-        raise ValueError(f"no symbols, so no skill graph; worlds that have: {', '.join(described_worlds())}")
-    return name
-
-
-class WorldConfig(Section):
-    """A registered manipulation world; `params` go to its constructor, which refuses those it does not know."""
-
-    name: Annotated[str, AfterValidator(known_world)]
-    params: dict[str, Any] = Field(default_factory=dict)
+    registry = WORLDS
 
 
 class DescribedWorldConfig(WorldConfig):
-    """A registered world that has symbols, so a skill graph (chapter 4)."""
+    """A world that has symbols, so a skill graph (chapter 4)."""
 
-    name: Annotated[str, AfterValidator(known_world), AfterValidator(described_world)]
+    @model_validator(mode="after")
+    def _described(self) -> Self:
+        made = WORLDS.factory(self.key)
+        factory = made.func if isinstance(made, partial) else made
+        if isinstance(factory, type) and not hasattr(factory, "symbols"):
+            raise ValueError(f"{factory.__name__} has no symbols, so no skill graph; give it a method `symbols`")
+        return self
 
 
 class WorldStageConfig(StageConfig):
@@ -55,7 +47,7 @@ class WorldStageConfig(StageConfig):
         return self.item
 
 
-class ExecutionsConfig(Section):
+class ExecutionsConfig(ConfigSection):
     """Episodes that are run to find training failures, and to find held-out ones."""
 
     train: Count
@@ -77,7 +69,7 @@ class DiscoverConfig(WorldStageConfig):
         return self.strategy
 
 
-class ModesConfig(Section):
+class ModesConfig(ConfigSection):
     """Number of modes by strategy of discovery; null lets BIC choose."""
 
     pessimistic: Count | None
@@ -85,7 +77,7 @@ class ModesConfig(Section):
     first_flag: Count | None
 
 
-class VideoConfig(Section):
+class VideoConfig(ConfigSection):
     """See `p2l.evaluation.video.player.VideoOptions`."""
 
     width: Even

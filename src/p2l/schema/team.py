@@ -3,25 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
-from pydantic import AfterValidator, Field, model_validator
+from pydantic import Field, model_validator
 
 from p2l.artifacts import config_hash
+from p2l.domains.table import DOMAINS
 from p2l.errors import ConfigError
-from p2l.registry import known_domains
-from p2l.schema.base import Count, NotNegative, Positive, Probability, Section, StageConfig
+from p2l.schema.base import ChoiceConfig, ConfigSection, Count, NotNegative, Positive, Probability, StageConfig
 from p2l.team.study import Regime, Study
 
 
-def known_domain(name: str) -> str:
-    """Refuse a domain that is not registered."""
-    if name not in known_domains():
-        raise ValueError(f"unknown domain; allowed: {', '.join(known_domains())}")
-    return name
-
-
-class CostsConfig(Section):
+class CostsConfig(ConfigSection):
     """The four costs of the thesis (section 3.3.1), in any one unit of effort."""
 
     c_rob: NotNegative
@@ -30,11 +23,10 @@ class CostsConfig(Section):
     c_demo: NotNegative
 
 
-class DomainConfig(Section):
-    """A registered task distribution; `params` go to its constructor, which refuses those it does not know."""
+class DomainConfig(ChoiceConfig):
+    """A task distribution."""
 
-    name: Annotated[str, AfterValidator(known_domain)]
-    params: dict[str, Any] = Field(default_factory=dict)
+    registry = DOMAINS
 
 
 class DomainStageConfig(StageConfig):
@@ -54,7 +46,7 @@ class RegimeConfig(CostsConfig):
     levels: Annotated[tuple[Annotated[int, Field(ge=0)], ...], Field(min_length=1)]
 
 
-class StudyConfig(Section):
+class StudyConfig(ConfigSection):
     """An experiment of chapter 3; see `p2l.team.study.Study` for the meaning of each field."""
 
     set_size: Count
@@ -92,7 +84,7 @@ class StudyStageConfig(DomainStageConfig):
     def identity(self) -> str:
         """Hash of what decides a block's truth besides its tasks: world, learner and draws, whatever runs them."""
         world = {key: value for key, value in self.domain.params.items() if key != "nthread"}
-        return config_hash([self.domain.name, world, self.seed, self.study.draws])
+        return config_hash([self.domain.key, world, self.seed, self.study.draws])
 
 
 class CollectConfig(DomainStageConfig):

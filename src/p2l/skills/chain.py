@@ -11,7 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from p2l.contracts.option import Option
-from p2l.contracts.world import Rows, World
+from p2l.contracts.rows import Rows
+from p2l.contracts.world import World
 from p2l.records import Array, BoolArray, IntArray
 from p2l.skills.runner import Reason, Runner
 

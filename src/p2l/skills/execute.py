@@ -9,7 +9,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from p2l.contracts.world import Rows, World, advance
+from p2l.contracts.rows import Rows
+from p2l.contracts.world import World, advance
 from p2l.records import Array, BoolArray
 from p2l.skills.relative import Timing, relative
 

@@ -12,8 +12,8 @@ import numpy as np
 
 from p2l import poses
 from p2l.contracts.observation import Observation, Privileged
-from p2l.contracts.option import Decision
-from p2l.contracts.world import Command
+from p2l.contracts.option import OptionStep
+from p2l.contracts.rows import Command
 from p2l.records import Array, BoolArray, IntArray
 
 
@@ -71,7 +71,7 @@ class Follow:
         points = np.concatenate([way.pos, way.quat, way.grip[..., None]], axis=2)
         return np.concatenate([start[:, None], points], axis=1).reshape(len(seen), -1)
 
-    def decide(self, seen: Observation, memory: Array, step: IntArray) -> Decision:
+    def decide(self, seen: Observation, memory: Array, step: IntArray) -> OptionStep:
         """The pose on the present leg at the end of the next control step."""
         points = memory.reshape(len(seen), len(self.legs) + 1, 8)
         ends = np.cumsum(self.legs)
@@ -82,4 +82,4 @@ class Follow:
         before, after = points[rows, leg], points[rows, leg + 1]
         pos = before[:, :3] + fraction[:, None] * (after[:, :3] - before[:, :3])
         quat = poses.between(before[:, 3:7], after[:, 3:7], fraction)
-        return Decision(Command(pos, quat, after[:, 7]), memory, step >= ends[-1])
+        return OptionStep(Command(pos, quat, after[:, 7]), memory, step >= ends[-1])

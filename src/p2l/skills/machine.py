@@ -22,8 +22,8 @@ import numpy as np
 
 from p2l import poses
 from p2l.contracts.observation import Observation, Privileged
-from p2l.contracts.option import Decision
-from p2l.contracts.world import Command
+from p2l.contracts.option import OptionStep
+from p2l.contracts.rows import Command
 from p2l.records import Array, BoolArray, IntArray
 
 _PHASE, _STEPS, _GAP, _QUAT, _END = 0, 1, 2, slice(3, 7), 7
@@ -110,7 +110,7 @@ class Machine:
         memory[:, _END] = self.first + len(self.phases)
         return memory
 
-    def decide(self, seen: Observation, memory: Array, step: IntArray) -> Decision:
+    def decide(self, seen: Observation, memory: Array, step: IntArray) -> OptionStep:
         """Change phase where the present one is over, then move the target on."""
         del step  # a machine counts in its phases
         memory = memory.copy()
@@ -125,7 +125,7 @@ class Machine:
         goal = goals[index, np.arange(len(seen))]
         pos = _towards(seen["target_pos_m"], goal, self._of["pace_m"][index])
         quat = _turn(seen["target_quat"], memory[:, _QUAT], self.pace_rad)
-        return Decision(Command(pos, quat, self._of["grip"][index]), memory, done)
+        return OptionStep(Command(pos, quat, self._of["grip"][index]), memory, done)
 
     def _over(self, seen: Observation, goals: Array, memory: Array, change_m: Array) -> BoolArray:
         index, steps, of = _present(memory), memory[:, _STEPS], self._of

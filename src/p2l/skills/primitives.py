@@ -17,8 +17,8 @@ from scipy.spatial.transform import Rotation
 
 from p2l import poses
 from p2l.contracts.observation import Observation, Privileged
-from p2l.contracts.option import Decision
-from p2l.contracts.world import Command
+from p2l.contracts.option import OptionStep
+from p2l.contracts.rows import Command
 from p2l.records import Array, BoolArray, IntArray
 
 TRANSLATION_M = 0.02
@@ -63,12 +63,12 @@ class Primitive:
         grip = seen["grip_command"] if self.grip is None else np.full((len(seen), 1), self.grip)
         return np.concatenate([seen["target_pos_m"], seen["target_quat"], pos, quat, grip], axis=1)
 
-    def decide(self, seen: Observation, memory: Array, step: IntArray) -> Decision:  # noqa: ARG002
+    def decide(self, seen: Observation, memory: Array, step: IntArray) -> OptionStep:  # noqa: ARG002
         """On the way to the new target, or there."""
         share = np.minimum((step + 1) / MOVE_STEPS, 1.0)
         pos = memory[:, :3] + share[:, None] * (memory[:, 7:10] - memory[:, :3])
         quat = poses.between(memory[:, 3:7], memory[:, 10:14], share)
-        return Decision(Command(pos, quat, memory[:, 14]), memory, step >= STEPS)
+        return OptionStep(Command(pos, quat, memory[:, 14]), memory, step >= STEPS)
 
 
 def _along(axis: int, size: float) -> tuple[float, float, float]:

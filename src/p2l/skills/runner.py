@@ -19,7 +19,8 @@ import numpy.typing as npt
 
 from p2l.contracts.observation import Observation
 from p2l.contracts.option import Option
-from p2l.contracts.world import NO_FAILURE, Command, Rows, World, advance
+from p2l.contracts.rows import Command, Rows
+from p2l.contracts.world import NO_FAILURE, World, advance
 from p2l.errors import ConfigError
 from p2l.records import BoolArray, IntArray
 

@@ -29,7 +29,7 @@ class Verdict:
     gap: float
 
 
-def check(problem: Problem, plan: Plan) -> Verdict:
+def check_certificate(problem: Problem, plan: Plan) -> Verdict:
     """Recompute a plan's costs and its certificate from the problem.
 
     Raises:
@@ -54,13 +54,13 @@ def check_facility_location(opening_cost: Array, service_cost: Array, solution: 
     service = service_cost[np.arange(len(service_cost)), solution.assignment]
     _agree("cost", solution.cost, float(opening_cost[solution.open].sum() + service.sum()), solution.cost)
     v = proof.multipliers
-    saved = np.concatenate(
+    saving = np.concatenate(
         [
             np.maximum(v[:, None] - service_cost[:, low : low + 1000], 0.0).sum(axis=0)
             for low in range(0, len(opening_cost), 1000)
         ]
     )
-    bound = float(v.sum() + np.minimum(0.0, opening_cost - saved).sum())
+    bound = float(v.sum() + np.minimum(0.0, opening_cost - saving).sum())
     return _verdict(proof, solution.cost, solution.lower_bound, bound)
 
 
@@ -70,17 +70,17 @@ def lagrangian_bound(problem: Problem, multipliers: Array, *, strict: bool = Fal
     if strict and (multipliers > problem.outside * (1.0 + _TOLERANCE)).any():
         task = int((multipliers - problem.outside).argmax())
         raise SolverError(f"certificate: multiplier of task '{problem.tasks[task]}' is above its outside option")
-    saved = np.zeros(problem.n)
+    saving = np.zeros(problem.n)
     step = max(1, _BLOCK // problem.n)
     task_index = np.arange(problem.n)
     for low in range(0, problem.n, step):
         lessons = np.arange(low, min(problem.n, low + step))
-        margin = np.maximum(v - problem.served(lessons), 0.0)
+        margin = np.maximum(v - problem.service_cost(lessons), 0.0)
         if problem.order == "fixed":
             margin[task_index[None, :] < lessons[:, None]] = 0.0
         margin[lessons - low, lessons] = np.maximum(v[lessons], 0.0)
-        saved[lessons] = margin.sum(axis=1)
-    return float(v.sum() + np.minimum(0.0, problem.c_demo - saved).sum())
+        saving[lessons] = margin.sum(axis=1)
+    return float(v.sum() + np.minimum(0.0, problem.c_demo - saving).sum())
 
 
 def _certificate_of(certificate: Certificate | None, demands: int) -> Certificate:
@@ -99,6 +99,6 @@ def _verdict(proof: Certificate, cost: float, lower_bound: float, bound: float) 
     return Verdict(cost, bound, relative_gap(cost, bound))
 
 
-def _agree(what: str, given: float, expected: float, scale: float) -> None:
-    if not abs(given - expected) <= _TOLERANCE * max(abs(scale), abs(expected)):
-        raise SolverError(f"certificate: {what} is {given}, but the problem gives {expected}")
+def _agree(what: str, claim: float, truth: float, scale: float) -> None:
+    if not abs(claim - truth) <= _TOLERANCE * max(abs(scale), abs(truth)):
+        raise SolverError(f"certificate: {what} is {claim}, but the problem gives {truth}")

@@ -62,12 +62,12 @@ class Truth:
 
 def measure_truth(domain: Domain, study: Study, seed: int, block: Block, progress: Progress | None = None) -> Truth:
     """Teach the robot every task of a block and try every skill on every pool task."""
-    stacked = block.pool.join(block.pretrained)
+    tasks = block.pool.join(block.pretrained)
     skills = domain.learn(
-        stacked, np.arange(len(stacked)), generator(seed, "evaluate", domain.name, "learn", block.index), progress
+        tasks, np.arange(len(tasks)), generator(seed, "evaluate", domain.name, "learn", block.index), progress
     )
     rng = generator(seed, "evaluate", domain.name, "draws", block.index)
-    outcome = domain.evaluate(skills, stacked, block.pool, 2 * study.draws, rng, progress)
+    outcome = domain.evaluate(skills, tasks, block.pool, 2 * study.draws, rng, progress)
     return Truth(outcome[..., : study.draws].mean(-1), outcome[..., study.draws :].mean(-1))
 
 
@@ -76,21 +76,21 @@ def predicted_plans(
 ) -> pd.DataFrame:
     """Plans of every method for every case of a block, one row per task (see `plan_rows`)."""
     pool = predict(block.pool.features, block.pool.features)
-    known = predict(block.pretrained.features, block.pool.features)
+    library = predict(block.pretrained.features, block.pool.features)
     frames = []
     for task_set, regime, level in cases(study, task_sets(study, seed, block)):
         for method, (_, order) in METHODS.items():
             theta = thetas[regime.name] if method == "cba_best" else study.theta
-            used = task_set.pretrained[:level]
+            library_rows = task_set.pretrained[:level]
             problem, skill = make_problem(
                 regime,
                 block.pool.take(task_set.tasks),
                 pool[np.ix_(task_set.tasks, task_set.tasks)],
-                known[np.ix_(used, task_set.tasks)],
+                library[np.ix_(library_rows, task_set.tasks)],
                 order,
             )
-            made = solve(problem, method, theta, limit_s)
-            frames.append(plan_rows(block, task_set, regime, level, method, made, skill))
+            plan = solve(problem, method, theta, limit_s)
+            frames.append(plan_rows(block, task_set, regime, level, method, plan, skill))
     return pd.concat(frames, ignore_index=True)
 
 
@@ -99,27 +99,27 @@ def true_plans(study: Study, seed: int, block: Block, truth: Truth, limit_s: flo
     size = len(block.pool)
     frames = []
     for task_set, regime, level in cases(study, task_sets(study, seed, block)):
-        used = size + task_set.pretrained[:level]
+        library_rows = size + task_set.pretrained[:level]
         problem, skill = make_problem(
             regime,
             block.pool.take(task_set.tasks),
             truth.planning[np.ix_(task_set.tasks, task_set.tasks)],
-            truth.planning[np.ix_(used, task_set.tasks)],
+            truth.planning[np.ix_(library_rows, task_set.tasks)],
         )
-        made = solve(problem, "adl", 0.0, limit_s)
-        frames.append(plan_rows(block, task_set, regime, level, "adl_true", made, skill))
+        plan = solve(problem, "adl", 0.0, limit_s)
+        frames.append(plan_rows(block, task_set, regime, level, "adl_true", plan, skill))
     return pd.concat(frames, ignore_index=True)
 
 
 def plan_rows(
-    block: Block, task_set: TaskSet, regime: Regime, level: int, method: str, made: Plan, pretrained: IntArray
+    block: Block, task_set: TaskSet, regime: Regime, level: int, method: str, plan: Plan, pretrained: IntArray
 ) -> pd.DataFrame:
     """One row per task in the order of work; `skill` is a row of `Truth` (-1 where no robot skill is used)."""
-    steps = made.sequence
-    lesson = np.where(made.skill >= 0, task_set.tasks[np.maximum(made.skill, 0)], -1)
-    trained = np.where(pretrained >= 0, len(block.pool) + task_set.pretrained[np.maximum(pretrained, 0)], -1)
-    acts = made.decision == Decision.ACT
-    skill = np.where(acts & (made.skill < 0), trained, np.where(made.decision == Decision.DELEGATE, -1, lesson))
+    steps = plan.sequence
+    lesson = np.where(plan.skill >= 0, task_set.tasks[np.maximum(plan.skill, 0)], -1)
+    library_skill = np.where(pretrained >= 0, len(block.pool) + task_set.pretrained[np.maximum(pretrained, 0)], -1)
+    acts = plan.decision == Decision.ACT
+    skill = np.where(acts & (plan.skill < 0), library_skill, np.where(plan.decision == Decision.DELEGATE, -1, lesson))
     return pd.DataFrame(
         {
             "block": block.index,
@@ -131,10 +131,10 @@ def plan_rows(
             "step": np.arange(len(steps)),
             "task": task_set.tasks[steps],
             "name": [block.pool.names[index] for index in task_set.tasks[steps]],
-            "decision": [Decision(code).name.lower() for code in made.decision[steps]],
+            "decision": [Decision(code).name.lower() for code in plan.decision[steps]],
             "skill": skill[steps],
-            "p_success": made.p_success[steps],
-            "predicted_cost": made.expected_cost[steps],
+            "p_success": plan.p_success[steps],
+            "predicted_cost": plan.expected_cost[steps],
         }
     )
 
@@ -149,15 +149,15 @@ def execute_plans(plans: pd.DataFrame, regimes: tuple[Regime, ...], truth: Truth
     skill, task = rows["skill"].to_numpy(), rows["task"].to_numpy()
     acts = (rows["decision"] == "act").to_numpy()
     success = np.where(skill >= 0, truth.executing[np.maximum(skill, 0), task], 0.0)
-    failed = np.where(acts, 1.0 - success, 0.0)
-    executed = np.select(
+    failure = np.where(acts, 1.0 - success, 0.0)
+    cost = np.select(
         [rows["decision"] == "learn", rows["decision"] == "delegate"],
         [rows["c_demo"], rows["c_hum"]],
-        rows["c_rob"] + failed * rows["c_fail"],
+        rows["c_rob"] + failure * rows["c_fail"],
     )
     rows = rows.assign(
-        executed_cost=executed,
-        failures=failed,
+        executed_cost=cost,
+        failures=failure,
         attempts=acts.astype(float),
         demos=(rows["decision"] == "learn").astype(float),
         delegated=(rows["decision"] == "delegate").astype(float),
@@ -189,12 +189,12 @@ def recorded_truth(
         progress: called while simulating.
     """
     item = Item(domain.name, "truth", seed, block.index, config_hash([TRUTH_VERSION, identity, block.digest]))
-    if (known := find(records, item)) is None:
+    if (record := find(records, item)) is None:
         start = time.perf_counter()
         truth = measure_truth(domain, study, seed, block, progress)
-        known = {"planning": truth.planning.tolist(), "executing": truth.executing.tolist()}
-        write(records, item, known, seconds=time.perf_counter() - start)
-    return Truth(known["planning"], known["executing"])
+        record = {"planning": truth.planning.tolist(), "executing": truth.executing.tolist()}
+        write(records, item, record, seconds=time.perf_counter() - start)
+    return Truth(record["planning"], record["executing"])
 
 
 def recorded_rows(
@@ -205,9 +205,9 @@ def recorded_rows(
     regimes = [regime.__dict__ for regime in study.regimes]
     decisive = [regimes, plans.to_dict("records"), truth.executing.tolist()]
     item = Item(domain.name, method, seed, block, config_hash(decisive))
-    if (known := find(records, item)) is None:
+    if (record := find(records, item)) is None:
         start = time.perf_counter()
-        known = {"rows": execute_plans(plans, study.regimes, truth).to_dict("records")}
-        write(records, item, known, seconds=time.perf_counter() - start)
-    rows: list[dict[str, Any]] = known["rows"]
+        record = {"rows": execute_plans(plans, study.regimes, truth).to_dict("records")}
+        write(records, item, record, seconds=time.perf_counter() - start)
+    rows: list[dict[str, Any]] = record["rows"]
     return rows

@@ -24,7 +24,7 @@ from p2l.team.problem import ORDERS, Decision, Order, Plan, Problem
 _COSTS = ("c_rob", "c_hum", "c_fail", "c_demo")
 _ORDERS_COLUMNS = ("task", *_COSTS)
 _LARGEST = 1e100  # said in a message; a larger cost is a slip, and sums of such costs overflow
-_NAMED = 4  # tasks that a row of the table of reasons names; the rest are counted
+_NAMES = 4  # tasks that a row of the table of reasons names; the rest are counted
 
 Row = tuple[int, list[str]]
 
@@ -50,8 +50,8 @@ def read_problem(orders_csv: Path | str, transfer_csv: Path | str, order: Order 
     missing = [name for name in _ORDERS_COLUMNS if name not in header]
     for name in header:
         if name not in (*_ORDERS_COLUMNS, "pretrained"):
-            allowed = f"{','.join(_ORDERS_COLUMNS)} and optionally pretrained, separated by commas"
-            raise InputError.at(orders, 1, name, f"unknown column; allowed are {allowed}")
+            columns = f"{','.join(_ORDERS_COLUMNS)} and optionally pretrained, separated by commas"
+            raise InputError.at(orders, 1, name, f"unknown column; allowed are {columns}")
     if missing:
         raise InputError.at(orders, 1, missing[0], "column is missing; every task needs it")
     at = {name: place for place, name in enumerate(header)}
@@ -104,23 +104,23 @@ def explain(problem: Problem, plan: Plan) -> str:
 
     "Without it" keeps the other lessons and does every other task at its best; the taught task is counted in.
     """
-    taught = plan.decision == Decision.LEARN
+    lessons = plan.decision == Decision.LEARN
     alone = objective(problem, decide(problem, np.zeros(problem.n, dtype=bool), plan.sequence), plan.sequence).total
     rows = [("lesson", "costs", "pays for", "cost without it", "cost with it", "saving")]
-    for lesson in plan.sequence[taught[plan.sequence]].tolist():
-        others = taught.copy()
+    for lesson in plan.sequence[lessons[plan.sequence]].tolist():
+        others = lessons.copy()
         others[lesson] = False
         without = objective(problem, decide(problem, others, plan.sequence), plan.sequence).expected_cost
         users = [task for task in plan.sequence.tolist() if plan.skill[task] == lesson and task != lesson]
         group = [lesson, *users]
         before, now = float(without[group].sum()), float(plan.expected_cost[group].sum())
         names = [problem.tasks[task] for task in users]
-        listed = ", ".join(names[:_NAMED]) + (f" and {len(names) - _NAMED} more" if len(names) > _NAMED else "")
+        listing = ", ".join(names[:_NAMES]) + (f" and {len(names) - _NAMES} more" if len(names) > _NAMES else "")
         numbers = [f"{value:,.1f}" for value in (before, now, before - now)]
-        rows.append((problem.tasks[lesson], f"{problem.c_demo[lesson]:,.1f}", listed or "itself only", *numbers))
+        rows.append((problem.tasks[lesson], f"{problem.c_demo[lesson]:,.1f}", listing or "itself only", *numbers))
     counts = ", ".join(f"{plan.count(kind)} {kind.name.lower()}" for kind in Decision)
     total = f"Expected cost {plan.objective:,.1f} ({_proof(plan)}); without any lesson {alone:,.1f}. {counts}."
-    return total + "\n" + (_aligned(rows) if len(rows) > 1 else "No lesson pays for itself.")
+    return total + "\n" + (_columns(rows) if len(rows) > 1 else "No lesson pays for itself.")
 
 
 def _proof(plan: Plan) -> str:
@@ -133,12 +133,12 @@ def _proof(plan: Plan) -> str:
     return f"{plan.status}, the optimum is at least {max(0.0, plan.lower_bound):,.1f}"  # no cost is negative
 
 
-def _aligned(rows: Sequence[Sequence[str]]) -> str:
+def _columns(rows: Sequence[Sequence[str]]) -> str:
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
-    left = (0, 2)  # names are read from the left, numbers compared from the right
+    names = (0, 2)  # read from the left; numbers are compared from the right
     lines = [
         "  ".join(
-            cell.ljust(w) if column in left else cell.rjust(w)
+            cell.ljust(w) if column in names else cell.rjust(w)
             for column, (cell, w) in enumerate(zip(row, widths, strict=True))
         )
         for row in rows
@@ -148,35 +148,35 @@ def _aligned(rows: Sequence[Sequence[str]]) -> str:
 
 def _read_transfer(path: Path, tasks: tuple[str, ...], orders: Path) -> Array:
     header, rows = _table(path)
-    tested = _names(path, [(1, name) for name in header[1:]], None, "tested task")
-    taught = _names(path, [(line, cells[0]) for line, cells in rows], header[0] or None, "taught task")
+    tested_tasks = _names(path, [(1, name) for name in header[1:]], None, "tested task")
+    taught_tasks = _names(path, [(line, cells[0]) for line, cells in rows], header[0] or None, "taught task")
     place = {name: index for index, name in enumerate(tasks)}
-    for names, row in ((tested, 1), (taught, None)):
-        given = set(names)
+    for names, row in ((tested_tasks, 1), (taught_tasks, None)):
+        present = set(names)
         side = "column" if row else "row"
         for name in names:
             if name not in place:
-                at = row or rows[taught.index(name)][0]
+                at = row or rows[taught_tasks.index(name)][0]
                 raise InputError.at(
                     path, at, name if row else None, f"task '{name}' is not in {orders.name}; remove it"
                 )
-        if absent := [name for name in tasks if name not in given]:
-            raise InputError.at(path, row, None, f"has no {side} for task '{absent[0]}' of {orders.name}; add it")
+        if missing := [name for name in tasks if name not in present]:
+            raise InputError.at(path, row, None, f"has no {side} for task '{missing[0]}' of {orders.name}; add it")
     table = np.empty((len(tasks), len(tasks)))
-    columns = [place[name] for name in tested]
-    for (line, cells), name in zip(rows, taught, strict=True):
-        table[place[name], columns] = _probabilities(path, line, tested, cells[1:])
+    columns = [place[name] for name in tested_tasks]
+    for (line, cells), name in zip(rows, taught_tasks, strict=True):
+        table[place[name], columns] = _probabilities(path, line, tested_tasks, cells[1:])
     return table
 
 
-def _probabilities(path: Path, line: int, tested: tuple[str, ...], cells: list[str]) -> Array:
+def _probabilities(path: Path, line: int, tasks: tuple[str, ...], cells: list[str]) -> Array:
     """One row at once; cell by cell only to find out what is wrong."""
     try:
         values = np.array(cells if not any("_" in cell for cell in cells) else [np.nan], dtype=np.float64)
     except ValueError:
         values = np.array([np.nan])
     if not bool(((values >= 0.0) & (values <= 1.0)).all()):
-        return np.array([_number(path, line, name, cell, 1.0) for name, cell in zip(tested, cells, strict=True)])
+        return np.array([_number(path, line, name, cell, 1.0) for name, cell in zip(tasks, cells, strict=True)])
     return values
 
 
@@ -191,17 +191,17 @@ def _number(path: Path, line: int, column: str, text: str, largest: float) -> fl
     return value
 
 
-def _names(path: Path, given: list[tuple[int, str]], column: str | None, what: str) -> tuple[str, ...]:
-    seen: set[str] = set()
-    for line, name in given:
+def _names(path: Path, cells: list[tuple[int, str]], column: str | None, what: str) -> tuple[str, ...]:
+    earlier: set[str] = set()
+    for line, name in cells:
         if not name:
             raise InputError.at(path, line, column, f"a {what} has no name; name it")
         if "\0" in name:
             raise InputError.at(path, line, column, f"{what} {name!r} holds a NUL character; remove it")
-        if name in seen:
+        if name in earlier:
             raise InputError.at(path, line, column, f"{what} '{name}' appears twice; keep one")
-        seen.add(name)
-    return tuple(name for _, name in given)
+        earlier.add(name)
+    return tuple(name for _, name in cells)
 
 
 def _table(path: Path) -> tuple[list[str], list[Row]]:

@@ -20,12 +20,12 @@ def exhaustive(problem: Problem) -> BoolArray:
     """
     if problem.n > LARGEST:
         raise SolverError(f"exhaustive: {problem.n} tasks given; it tries every set, so at most {LARGEST}. Use 'auto'")
-    best, lessons = float("inf"), np.zeros(problem.n, dtype=bool)
+    best_cost, best_lessons = float("inf"), np.zeros(problem.n, dtype=bool)
     for code in range(1 << problem.n):
-        taught = (code >> np.arange(problem.n)) & 1 == 1
-        best_probability, _ = best_skills(problem, taught, work_order(problem, taught))
+        lessons = (code >> np.arange(problem.n)) & 1 == 1
+        best_probability, _ = best_skills(problem, lessons, work_order(problem, lessons))
         attempt = problem.c_rob + (1.0 - best_probability) * problem.c_fail
-        cost = float(np.where(taught, problem.c_demo, np.minimum(problem.c_hum, attempt)).sum())
-        if cost < best:
-            best, lessons = cost, taught
-    return lessons
+        cost = float(np.where(lessons, problem.c_demo, np.minimum(problem.c_hum, attempt)).sum())
+        if cost < best_cost:
+            best_cost, best_lessons = cost, lessons
+    return best_lessons

@@ -40,40 +40,40 @@ def objective(problem: Problem, decision: IntArray, sequence: IntArray | None = 
         ShapeError: a decision that is none of act, delegate, learn; a sequence that is no permutation, or one that
             leaves the work order of a problem whose order is fixed.
     """
-    chosen = freeze("decision", decision, ("n",), {"n": problem.n}, np.int64, low=0, high=2)
-    taught = chosen == Decision.LEARN
-    steps = work_order(problem, taught) if sequence is None else _checked(problem, sequence)
-    best, skill = best_skills(problem, taught, steps)
+    decisions = freeze("decision", decision, ("n",), {"n": problem.n}, np.int64, low=0, high=2)
+    is_taught = decisions == Decision.LEARN
+    steps = work_order(problem, is_taught) if sequence is None else _permutation(problem, sequence)
+    best, skill = best_skills(problem, is_taught, steps)
     cost = problem.c_rob + (1.0 - best) * problem.c_fail
     own = np.arange(problem.n)
-    handed = chosen == Decision.DELEGATE
+    is_delegated = decisions == Decision.DELEGATE
     return Outcome(
-        skill=np.where(taught, own, np.where(handed, -1, skill)),
-        p_success=np.where(taught | handed, 1.0, best),
-        expected_cost=np.where(taught, problem.c_demo, np.where(handed, problem.c_hum, cost)),
+        skill=np.where(is_taught, own, np.where(is_delegated, -1, skill)),
+        p_success=np.where(is_taught | is_delegated, 1.0, best),
+        expected_cost=np.where(is_taught, problem.c_demo, np.where(is_delegated, problem.c_hum, cost)),
     )
 
 
-def decide(problem: Problem, taught: BoolArray, sequence: IntArray | None = None) -> IntArray:
+def decide(problem: Problem, is_taught: BoolArray, sequence: IntArray | None = None) -> IntArray:
     """[n] the best decision for every task once it is known which ones are taught."""
-    steps = work_order(problem, taught) if sequence is None else sequence
-    best, _ = best_skills(problem, taught, steps)
+    steps = work_order(problem, is_taught) if sequence is None else sequence
+    best, _ = best_skills(problem, is_taught, steps)
     act = problem.c_rob + (1.0 - best) * problem.c_fail < problem.c_hum
-    return np.where(taught, Decision.LEARN, np.where(act, Decision.ACT, Decision.DELEGATE)).astype(np.int64)
+    return np.where(is_taught, Decision.LEARN, np.where(act, Decision.ACT, Decision.DELEGATE)).astype(np.int64)
 
 
-def work_order(problem: Problem, taught: BoolArray) -> IntArray:
+def work_order(problem: Problem, is_taught: BoolArray) -> IntArray:
     """[n] the order of work: as given, or the lessons first where the order is free."""
     if problem.order == "fixed":
         return np.arange(problem.n)
-    return np.argsort(~taught, kind="stable")
+    return np.argsort(~is_taught, kind="stable")
 
 
-def best_skills(problem: Problem, taught: BoolArray, sequence: IntArray) -> tuple[Array, IntArray]:
+def best_skills(problem: Problem, is_taught: BoolArray, sequence: IntArray) -> tuple[Array, IntArray]:
     """[n] best success probability at the moment each task is due, and [n] the lesson it comes from (-1 for ρ_0)."""
     place = np.empty(problem.n, dtype=np.int64)
     place[sequence] = np.arange(problem.n)
-    lessons = sequence[taught[sequence]]
+    lessons = sequence[is_taught[sequence]]
     if not lessons.size:
         return problem.pretrained, np.full(problem.n, -1)
     usable = place[lessons][:, None] < place[None, :]
@@ -84,7 +84,7 @@ def best_skills(problem: Problem, taught: BoolArray, sequence: IntArray) -> tupl
     return np.where(better, best, problem.pretrained), np.where(better, lessons[pick], -1)
 
 
-def _checked(problem: Problem, sequence: IntArray) -> IntArray:
+def _permutation(problem: Problem, sequence: IntArray) -> IntArray:
     steps: IntArray = freeze("sequence", sequence, ("n",), {"n": problem.n}, np.int64)
     natural = np.arange(problem.n)
     if not np.array_equal(np.sort(steps), natural):

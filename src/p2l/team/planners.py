@@ -6,10 +6,8 @@ expected costs from scratch and writes the `Plan`.
 
 from __future__ import annotations
 
-import inspect
 import math
 import time
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -18,10 +16,10 @@ from p2l.errors import ConfigError
 from p2l.team.certificate import lagrangian_bound
 from p2l.team.outcome import objective, work_order
 from p2l.team.problem import Certificate, Decision, Plan, Problem, relative_gap
-from p2l.team.routes import PLANNERS, Answer, Limits, prepare
+from p2l.team.routes import PLANNERS, PlannerResult, StoppingRule, prepare
 
 PROVEN = 1e-9  # relative gap at which cost and bound are the same number
-TRUSTED = 1e-6  # relative gap up to which a solver that says "optimal" is believed: its feasibility tolerance
+TRUST = 1e-6  # relative gap up to which a solver that says "optimal" is believed: its feasibility tolerance
 
 
 def plan(
@@ -31,7 +29,7 @@ def plan(
 
     Args:
         problem: the instance.
-        planner: a name of `PLANNERS`.
+        planner: a name of `routes.PLANNERS`, or the target of a function of your own.
         time_limit_s: wall seconds; at the limit the best plan so far is returned with its true bound.
         gap: relative gap at which an exact planner may stop; 0 proves optimality.
         **options: what the planner takes besides (`theta` for "cba").
@@ -40,57 +38,47 @@ def plan(
         ConfigError: an unknown planner or option, a time limit of zero or less, a gap outside [0, 1).
         SolverError: the planner cannot treat this instance.
     """
-    route = _route(planner, options)
+    route = PLANNERS.checked(planner, options, own=("problem", "stop"))
     if not time_limit_s > 0.0:
         raise ConfigError(f"time_limit_s: {time_limit_s} given; it must be above 0")
     if not 0.0 <= gap < 1.0:
         raise ConfigError(f"gap: {gap} given; it is relative and must lie in [0, 1)")
     prepare(planner, problem)
-    began = time.perf_counter()
-    answer = route(problem, Limits(began + time_limit_s, gap), **options)
-    return _written(problem, planner, answer, began)
+    start = time.perf_counter()
+    result = route(problem, StoppingRule(start + time_limit_s, gap), **options)
+    return _plan(problem, planner, result, start)
 
 
-def _route(planner: str, options: dict[str, Any]) -> Callable[..., Answer]:
-    if planner not in PLANNERS:
-        raise ConfigError(f"planner: '{planner}' is unknown; use one of {sorted(PLANNERS)}")
-    route = PLANNERS[planner]
-    allowed = set(inspect.signature(route).parameters) - {"problem", "limits"}
-    if unknown := sorted(set(options) - allowed):
-        raise ConfigError(f"planner '{planner}': unknown options {unknown}; it takes {sorted(allowed) or 'none'}")
-    return route
-
-
-def _written(problem: Problem, planner: str, answer: Answer, began: float) -> Plan:
-    taught = answer.decision == Decision.LEARN
-    sequence = work_order(problem, taught) if answer.sequence is None else answer.sequence
-    outcome = objective(problem, answer.decision, sequence)
+def _plan(problem: Problem, planner: str, result: PlannerResult, start: float) -> Plan:
+    lessons = result.decision == Decision.LEARN
+    sequence = work_order(problem, lessons) if result.sequence is None else result.sequence
+    outcome = objective(problem, result.decision, sequence)
     cost = outcome.total
-    proven = [answer.lower_bound, cheapest_conceivable(problem)]
+    proven = [result.lower_bound, cheapest_conceivable(problem)]
     certificate = None
-    if answer.multipliers is not None:
-        multipliers = np.minimum(answer.multipliers, problem.outside)
+    if result.multipliers is not None:
+        multipliers = np.minimum(result.multipliers, problem.outside)
         certificate = Certificate(multipliers, lagrangian_bound(problem, multipliers), cost)
         proven.append(certificate.bound)
     bound = min(cost, max(bound for bound in proven if not math.isnan(bound)))
     gap = relative_gap(cost, bound)
-    status = answer.status
+    status = result.status
     if gap <= PROVEN:
         status = "optimal"
-    elif status == "optimal" and gap > TRUSTED:
+    elif status == "optimal" and gap > TRUST:
         status = "feasible"
     return Plan(
         planner=planner,
         status=status,
         sequence=sequence,
-        decision=answer.decision,
+        decision=result.decision,
         skill=outcome.skill,
         p_success=outcome.p_success,
         expected_cost=outcome.expected_cost,
         objective=cost,
         lower_bound=bound,
         gap=gap,
-        seconds=time.perf_counter() - began,
+        seconds=time.perf_counter() - start,
         certificate=certificate,
     )
 

@@ -91,9 +91,9 @@ class Problem:
         """[n] b_i = min(c_hum, c_rob + (1 - ρ_0) c_fail): the cheapest way to do a task without any lesson."""
         return np.minimum(self.c_hum, self.attempt)
 
-    def served(self, lesson: int | slice | IntArray) -> Array:
+    def service_cost(self, lessons: int | slice | IntArray) -> Array:
         """Expected cost of attempting every task with the skill of one lesson ([n]) or of several ([L, n])."""
-        return cast(Array, self.c_rob + (1.0 - self.transfer[lesson]) * self.c_fail)
+        return cast(Array, self.c_rob + (1.0 - self.transfer[lessons]) * self.c_fail)
 
 
 @dataclass(frozen=True)

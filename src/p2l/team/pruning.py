@@ -8,14 +8,14 @@ from p2l.records import Array, BoolArray, IntArray
 from p2l.team.problem import Problem
 
 
-def without_losses(problem: Problem, taught: BoolArray) -> BoolArray:
+def without_losses(problem: Problem, is_taught: BoolArray) -> BoolArray:
     """[n] the lessons that are left when those whose removal does not raise the cost are dropped, best saving first.
 
     A removal changes only the taught task itself and the tasks that its lesson serves; those fall back on their second
     best. So every saving is known at once, and after a removal only the rows that named the lesson are looked at again.
     """
-    kept = taught.copy()
-    lessons = np.flatnonzero(taught)
+    rest = is_taught.copy()
+    lessons = np.flatnonzero(is_taught)
     count = len(lessons)
     table = _costs(problem, lessons)
     first, second = _two_best(table)
@@ -23,17 +23,17 @@ def without_losses(problem: Problem, taught: BoolArray) -> BoolArray:
     alive = np.ones(count, dtype=bool)
     while alive.any():
         best = table[tasks, first]
-        more = np.where(kept, 0.0, table[tasks, second] - best)
+        more = np.where(rest, 0.0, table[tasks, second] - best)
         lost = np.bincount(first, more, minlength=count + 2)[:count]
         saving = np.where(alive, problem.c_demo[lessons] - best[lessons] - lost, -np.inf)
         worst = int(saving.argmax())
         if saving[worst] < 0.0:
             break
-        alive[worst] = kept[lessons[worst]] = False
+        alive[worst] = rest[lessons[worst]] = False
         table[:, worst] = np.inf
-        named = np.flatnonzero((first == worst) | (second == worst))
-        first[named], second[named] = _two_best(table[named])
-    return kept
+        rows = np.flatnonzero((first == worst) | (second == worst))
+        first[rows], second[rows] = _two_best(table[rows])
+    return rest
 
 
 def _costs(problem: Problem, lessons: IntArray) -> Array:
@@ -42,7 +42,7 @@ def _costs(problem: Problem, lessons: IntArray) -> Array:
     The second copy of the outside option keeps the second best finite.
     """
     table = np.empty((problem.n, len(lessons) + 2))
-    table[:, :-2] = problem.served(lessons).T
+    table[:, :-2] = problem.service_cost(lessons).T
     table[:, -2:] = problem.outside[:, None]
     tasks = np.arange(problem.n)[:, None]
     helps = lessons < tasks if problem.order == "fixed" else lessons != tasks

@@ -1,4 +1,4 @@
-"""The planners themselves: functions from a problem and its limits to an `Answer`.
+"""The planners themselves: functions from a problem and a stopping rule to a `PlannerResult`.
 
 A route imports its solver when it is called, so that the room stays cheap to import. To add a planner, write one
 function and one line in `PLANNERS`.
@@ -7,39 +7,42 @@ function and one line in `PLANNERS`.
 from __future__ import annotations
 
 import math
-import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from p2l.records import Array, BoolArray, IntArray
-from p2l.team import baselines, oracle
+from p2l.registry import Registry
+from p2l.team import baselines, facility, oracle
 from p2l.team.outcome import decide, objective
 from p2l.team.problem import Problem, Status
 from p2l.team.pruning import without_losses
 
-SMALL = 40  # up to so many tasks HiGHS answers in milliseconds
-LOADING = 200  # up to so many it answers sooner than the compiled kernels load, where they are not loaded yet
+# Up to so many tasks "auto" asks HiGHS, which answers in milliseconds; the compiled kernels load in 0.45 s, once per
+# process. The size alone decides, so that a problem goes the same way in every process. Beyond, HiGHS would still save
+# most of that where transfer is smooth, but where it is random it takes 21 s at n = 80 and the kernels 0.06 s.
+SMALL = 40
 
 
 @dataclass(frozen=True)
-class Limits:
+class StoppingRule:
     """When a planner may stop: the wall-clock `deadline` (of `time.perf_counter`) or a relative `gap`."""
 
     deadline: float
     gap: float
 
     @property
-    def left(self) -> float:
+    def seconds_left(self) -> float:
         """Seconds until the deadline, never quite zero."""
         return max(1e-3, self.deadline - time.perf_counter())
 
 
 @dataclass(frozen=True)
-class Answer:
-    """What a planner found.
+class PlannerResult:
+    """What a planner comes back with.
 
     Attributes:
         decision: [n].
@@ -56,121 +59,110 @@ class Answer:
     sequence: IntArray | None = None
 
 
+Planner = Callable[..., PlannerResult]  # of a Problem and a StoppingRule, and options of its own
+
+
 def prepare(planner: str, problem: Problem) -> None:
     """Load the compiled kernels if the planner uses them, so that its time limit and its seconds are for planning."""
-    if planner in ("facility", "greedy", "dual_ascent") or (planner == "auto" and not _by_highs(problem)):
-        from p2l.team.facility.solve import load_kernels
-
-        load_kernels()
+    if planner in ("facility", "greedy", "dual_ascent") or (planner == "auto" and problem.n > SMALL):
+        facility.load_kernels()
 
 
-def _best_plan(problem: Problem, taught: BoolArray | None, *, proven: bool = False) -> IntArray:
+def _best_plan(problem: Problem, lessons: BoolArray | None, *, proven: bool = False) -> IntArray:
     """The plan of these lessons, or the plan without lessons where that one is cheaper or there are none.
 
     Lessons that do not pay are dropped first, unless the lessons are proven best.
     """
     without = decide(problem, np.zeros(problem.n, dtype=bool))
-    if taught is None:
+    if lessons is None:
         return without
-    found = decide(problem, taught if proven else without_losses(problem, taught))
-    return found if objective(problem, found).total <= objective(problem, without).total else without
+    decision = decide(problem, lessons if proven else without_losses(problem, lessons))
+    return decision if objective(problem, decision).total <= objective(problem, without).total else without
 
 
-def _pyomo(problem: Problem, limits: Limits, form: str) -> Answer:
+def _pyomo(problem: Problem, program: Any, stop: StoppingRule) -> PlannerResult:
     from p2l.team.mip import model, solve
 
-    built = model.max_form(problem) if form == "max_form" else model.strong_form(problem)
-    ending = solve.solve_model(built, time_limit_s=limits.left, gap=limits.gap)
-    proven = ending.finished and limits.gap == 0.0
-    decision = _best_plan(problem, model.taught_in(built) if ending.has_solution else None, proven=proven)
-    return Answer(decision, "optimal" if ending.finished else "time_limit", ending.lower_bound)
+    ending = solve.solve_model(program, time_limit_s=stop.seconds_left, gap=stop.gap)
+    lessons = model.lessons_of(program) if ending.has_solution else None
+    decision = _best_plan(problem, lessons, proven=ending.complete and stop.gap == 0.0)
+    return PlannerResult(decision, "optimal" if ending.complete else "time_limit", ending.lower_bound)
 
 
-def _max_form(problem: Problem, limits: Limits) -> Answer:
-    return _pyomo(problem, limits, "max_form")
+def _max_form(problem: Problem, stop: StoppingRule) -> PlannerResult:
+    from p2l.team.mip.model import max_form
+
+    return _pyomo(problem, max_form(problem), stop)
 
 
-def _strong(problem: Problem, limits: Limits) -> Answer:
-    return _pyomo(problem, limits, "strong")
+def _strong(problem: Problem, stop: StoppingRule) -> PlannerResult:
+    from p2l.team.mip.model import strong_form
+
+    return _pyomo(problem, strong_form(problem), stop)
 
 
-def _highs(problem: Problem, limits: Limits) -> Answer:
-    from p2l.team.facility.core import solve_core
-    from p2l.team.facility.pairs import of_problem
-
-    found = solve_core(of_problem(problem), time_limit_s=limits.left, gap=limits.gap)
-    status: Status = "optimal" if found.finished else "time_limit"
-    decision = _best_plan(problem, found.open, proven=found.finished and limits.gap == 0.0)
-    return Answer(decision, status, found.lower_bound, found.multipliers)
+def _highs(problem: Problem, stop: StoppingRule) -> PlannerResult:
+    pairs = facility.of_problem(problem)
+    solution = facility.solve_program(pairs, time_limit_s=stop.seconds_left, gap=stop.gap)
+    decision = _best_plan(problem, solution.open, proven=solution.complete and stop.gap == 0.0)
+    status: Status = "optimal" if solution.complete else "time_limit"
+    return PlannerResult(decision, status, solution.lower_bound, solution.multipliers)
 
 
-def _facility(problem: Problem, limits: Limits) -> Answer:
-    from p2l.team.facility.pairs import of_problem
-    from p2l.team.facility.solve import solve_pairs
-
-    found = solve_pairs(of_problem(problem), deadline=limits.deadline, gap=limits.gap)
-    decision = _best_plan(problem, found.open, proven=found.status == "optimal")
-    return Answer(decision, found.status, found.lower_bound, found.multipliers)
+def _facility(problem: Problem, stop: StoppingRule) -> PlannerResult:
+    solution = facility.solve_pairs(facility.of_problem(problem), deadline=stop.deadline, gap=stop.gap)
+    decision = _best_plan(problem, solution.open, proven=solution.status == "optimal")
+    return PlannerResult(decision, solution.status, solution.lower_bound, solution.multipliers)
 
 
-def _greedy(problem: Problem, limits: Limits) -> Answer:  # noqa: ARG001
-    from p2l.team.facility.greedy import greedy
-    from p2l.team.facility.pairs import of_problem
-
-    opened, multipliers = greedy(of_problem(problem))
-    return Answer(_best_plan(problem, opened), "heuristic", multipliers=multipliers)
+def _greedy(problem: Problem, stop: StoppingRule) -> PlannerResult:  # noqa: ARG001
+    lessons, multipliers = facility.greedy_solution(facility.of_problem(problem))
+    return PlannerResult(_best_plan(problem, lessons), "heuristic", multipliers=multipliers)
 
 
-def _dual_ascent(problem: Problem, limits: Limits) -> Answer:  # noqa: ARG001
-    from p2l.team.facility.dual_ascent import dual_ascent
-    from p2l.team.facility.local_search import columns_of, descend
-    from p2l.team.facility.pairs import of_problem
-
-    pairs = of_problem(problem)
-    multipliers, opened = dual_ascent(pairs)
-    opened = descend(pairs, columns_of(pairs), opened, opened)
-    return Answer(_best_plan(problem, opened), "heuristic", multipliers=multipliers)
+def _dual_ascent(problem: Problem, stop: StoppingRule) -> PlannerResult:  # noqa: ARG001
+    lessons, multipliers = facility.dual_ascent_solution(facility.of_problem(problem))
+    return PlannerResult(_best_plan(problem, lessons), "heuristic", multipliers=multipliers)
 
 
-def _by_highs(problem: Problem) -> bool:
-    return problem.n <= (SMALL if "p2l.team.facility.solve" in sys.modules else LOADING)
+def _auto(problem: Problem, stop: StoppingRule) -> PlannerResult:
+    return _highs(problem, stop) if problem.n <= SMALL else _facility(problem, stop)
 
 
-def _auto(problem: Problem, limits: Limits) -> Answer:
-    return _highs(problem, limits) if _by_highs(problem) else _facility(problem, limits)
-
-
-def _exhaustive(problem: Problem, limits: Limits) -> Answer:  # noqa: ARG001
+def _exhaustive(problem: Problem, stop: StoppingRule) -> PlannerResult:  # noqa: ARG001
     decision = decide(problem, oracle.exhaustive(problem))
-    return Answer(decision, "optimal", objective(problem, decision).total)
+    return PlannerResult(decision, "optimal", objective(problem, decision).total)
 
 
-def _baseline(problem: Problem, decision: IntArray) -> Answer:
-    return Answer(decision, "heuristic", sequence=np.arange(problem.n))
+def _baseline(problem: Problem, decision: IntArray) -> PlannerResult:
+    return PlannerResult(decision, "heuristic", sequence=np.arange(problem.n))
 
 
-def _ad(problem: Problem, limits: Limits) -> Answer:  # noqa: ARG001
+def _ad(problem: Problem, stop: StoppingRule) -> PlannerResult:  # noqa: ARG001
     return _baseline(problem, baselines.act_delegate(problem))
 
 
-def _cba(problem: Problem, limits: Limits, theta: float = 0.5) -> Answer:  # noqa: ARG001
+def _cba(problem: Problem, stop: StoppingRule, theta: float = 0.5) -> PlannerResult:  # noqa: ARG001
     return _baseline(problem, baselines.confidence_based(problem, theta))
 
 
-def _alm(problem: Problem, limits: Limits) -> Answer:  # noqa: ARG001
+def _alm(problem: Problem, stop: StoppingRule) -> PlannerResult:  # noqa: ARG001
     return _baseline(problem, baselines.act_learn_myopic(problem))
 
 
-PLANNERS: dict[str, Callable[..., Answer]] = {
-    "auto": _auto,
-    "max_form": _max_form,
-    "strong": _strong,
-    "highs": _highs,
-    "facility": _facility,
-    "greedy": _greedy,
-    "dual_ascent": _dual_ascent,
-    "exhaustive": _exhaustive,
-    "ad": _ad,
-    "cba": _cba,
-    "alm": _alm,
-}
+PLANNERS: Registry[Planner] = Registry(
+    "planner",
+    {
+        "auto": lambda: _auto,
+        "max_form": lambda: _max_form,
+        "strong": lambda: _strong,
+        "highs": lambda: _highs,
+        "facility": lambda: _facility,
+        "greedy": lambda: _greedy,
+        "dual_ascent": lambda: _dual_ascent,
+        "exhaustive": lambda: _exhaustive,
+        "ad": lambda: _ad,
+        "cba": lambda: _cba,
+        "alm": lambda: _alm,
+    },
+)

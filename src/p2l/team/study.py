@@ -125,21 +125,21 @@ def task_sets(study: Study, seed: int, block: Block) -> list[TaskSet]:
         ConfigError: an order names a task that the pool does not have.
     """
     if study.orders:
-        named = {name: index for index, name in enumerate(block.pool.names)}
-        if missing := sorted({name for order in study.orders for name in order} - set(named)):
-            raise ConfigError(f"study: orders name unknown tasks {missing}; the pool has {', '.join(named)}")
-        chosen = [np.array([named[name] for name in order]) for order in study.orders]
-        indices = range(len(chosen))
+        index_of = {name: index for index, name in enumerate(block.pool.names)}
+        if missing := sorted({name for order in study.orders for name in order} - set(index_of)):
+            raise ConfigError(f"study: orders name unknown tasks {missing}; the pool has {', '.join(index_of)}")
+        members = [np.array([index_of[name] for name in order]) for order in study.orders]
+        indices = range(len(members))
     else:
         indices = range(block.index, study.sets, study.blocks)
-        chosen = [
+        members = [
             generator(seed, "evaluate", "set", index).permutation(len(block.pool))[: study.set_size]
             for index in indices
         ]
     size = len(block.pretrained)
     return [
         TaskSet(index, tasks, generator(seed, "evaluate", "training", index).permutation(size))
-        for index, tasks in zip(indices, chosen, strict=True)
+        for index, tasks in zip(indices, members, strict=True)
     ]
 
 
@@ -156,11 +156,11 @@ def make_problem(
         order: fixed or any.
     """
     n = len(tasks)
-    known = pretrained.max(axis=0) if len(pretrained) else np.zeros(n)
+    best = pretrained.max(axis=0) if len(pretrained) else np.zeros(n)
     skill = pretrained.argmax(axis=0) if len(pretrained) else np.full(n, -1)
     costs = {name: np.full(n, getattr(regime, name)) for name in ("c_rob", "c_hum", "c_fail", "c_demo")}
     names = tuple(f"{step}:{name}" for step, name in enumerate(tasks.names))
-    return Problem(tasks=names, pretrained=known, transfer=transfer, order=order, **costs), skill
+    return Problem(tasks=names, pretrained=best, transfer=transfer, order=order, **costs), skill
 
 
 def solve(problem: Problem, method: str, theta: float, time_limit_s: float) -> Plan:
@@ -176,11 +176,11 @@ def tune_theta(study: Study, regime: Regime, tasks: Tasks, predict: Predictor, s
     for index in range(study.tuning_sets):
         rng = generator(seed, "tune", "theta", index)
         rows = rng.permutation(len(tasks))
-        chosen = tasks.take(rows[: study.set_size])
+        members = tasks.take(rows[: study.set_size])
         level = regime.levels[index % len(regime.levels)]
         others = tasks.take(rows[study.set_size : study.set_size + level]) if level else None
-        pretrained = predict(others.features, chosen.features) if others is not None else np.zeros((0, len(chosen)))
-        problems.append(make_problem(regime, chosen, predict(chosen.features, chosen.features), pretrained)[0])
+        pretrained = predict(others.features, members.features) if others is not None else np.zeros((0, len(members)))
+        problems.append(make_problem(regime, members, predict(members.features, members.features), pretrained)[0])
     return best_theta(problems)[0]
 
 

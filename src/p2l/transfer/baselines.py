@@ -9,20 +9,20 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from p2l.records import Array, IntArray, TransferData
-from p2l.transfer.fitting import Split
+from p2l.transfer.fitting import TaskSplit
 from p2l.transfer.model import TransferModel
 
 _RIDGE = 0.5  # Jeffreys' prior: no certainty out of a handful of executions
 
 
-def constant(data: TransferData, split: Split, train: Array, test: Array) -> Array:
+def constant(data: TransferData, split: TaskSplit, train: Array, test: Array) -> Array:
     """The mean success rate of the fitted pairs, for every pair."""
     rows, columns = _fitted(data, split)
     return np.full((len(train), len(test)), data.rate[np.ix_(rows, columns)].mean())
 
 
 def nearest_neighbour(
-    data: TransferData, split: Split, model: TransferModel, train: Array, test: Array, neighbours: int = 5
+    data: TransferData, split: TaskSplit, model: TransferModel, train: Array, test: Array, neighbours: int = 5
 ) -> Array:
     """Mean success rate of the nearest fitted pairs, in the encoded and standardised space of pairs.
 
@@ -38,7 +38,7 @@ def nearest_neighbour(
     return np.asarray(rate.reshape(len(train), len(test)))
 
 
-def _fitted(data: TransferData, split: Split) -> tuple[IntArray, IntArray]:
+def _fitted(data: TransferData, split: TaskSplit) -> tuple[IntArray, IntArray]:
     seen = ~split.held_out
     return np.flatnonzero(seen[data.train_task]), np.flatnonzero(seen)
 

@@ -37,7 +37,7 @@ class FitOptions:
 
 
 @dataclass(frozen=True)
-class Split:
+class TaskSplit:
     """`fold` [M]: the member that leaves a task out, or -1 for a task that is held out of the whole fit."""
 
     fold: IntArray
@@ -69,7 +69,7 @@ class _Tensors:
     fold: torch.Tensor
 
 
-def split_tasks(data: TransferData, holdout: float, members: int, rng: np.random.Generator) -> Split:
+def split_tasks(data: TransferData, holdout: float, members: int, rng: np.random.Generator) -> TaskSplit:
     """Hold out a share of the tasks and deal the others to folds, evenly over groups and over taught tasks.
 
     Tasks with equal features are one task here: what is held out has never been seen, not even as a twin.
@@ -92,13 +92,13 @@ def split_tasks(data: TransferData, holdout: float, members: int, rng: np.random
     held = (place * count) % m < count
     fold = np.full(m, -1, dtype=np.int64)
     fold[order[~held]] = (np.arange(m - int(held.sum())) + rng.integers(members)) % members
-    return Split(fold[twin])
+    return TaskSplit(fold[twin])
 
 
 def fit(
     data: TransferData,
     encoding: Encoding,
-    split: Split,
+    split: TaskSplit,
     options: FitOptions,
     generator: torch.Generator,
     report: Report | None = None,
@@ -225,7 +225,7 @@ def _validation(weights: Weights, tensors: _Tensors) -> torch.Tensor:
     return torch.stack(losses)
 
 
-def _correction(model: TransferModel, data: TransferData, split: Split) -> Platt:
+def _correction(model: TransferModel, data: TransferData, split: TaskSplit) -> Platt:
     """Platt's correction of logits that a member gave to its own fold."""
     rows = np.flatnonzero(split.fold[data.train_task] >= 0)
     columns = np.flatnonzero(split.fold >= 0)

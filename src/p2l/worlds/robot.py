@@ -1,6 +1,6 @@
 """What every world with an arm shares: rows out of postures, named readings, control; a world states only its physics.
 
-A world subclasses `RobotWorld` and gives `sample`, `_truth`, `_seen`, `monitor` and `goal`.
+A world subclasses `RobotWorld` and gives `sample`, `_truth`, `_seen`, `monitor`, `goal` and `nominal_options`.
 """
 
 from __future__ import annotations
@@ -15,7 +15,9 @@ import numpy.typing as npt
 from p2l.artifacts import config_hash
 from p2l.contracts.estimator import Estimator
 from p2l.contracts.observation import Observation, Privileged
-from p2l.contracts.world import Command, Rows, View
+from p2l.contracts.option import Option
+from p2l.contracts.rows import Command, Rows
+from p2l.contracts.world import View
 from p2l.errors import ConfigError
 from p2l.records import Array, BoolArray, IntArray
 from p2l.sim.batch import Chunk, Engine
@@ -118,6 +120,10 @@ class RobotWorld:
 
     def goal(self, rows: Rows) -> BoolArray:
         """Whether the task is done."""
+        raise NotImplementedError
+
+    def nominal_options(self) -> tuple[Option, ...]:
+        """The nominal chain."""
         raise NotImplementedError
 
     def rows(

@@ -8,14 +8,14 @@ import pandas as pd
 import pytest
 
 from p2l.artifacts import save_json
-from p2l.chaining.elsewhere import table_5_2
-from p2l.chaining.strategies import strategies_5
 from p2l.errors import ArtifactError
 from p2l.evaluation.chaining import readings as chain_readings
 from p2l.evaluation.chaining import reuse_section as chain_reuse
 from p2l.evaluation.chaining import section as chains
 from p2l.evaluation.chaining.ablation import ablation_5
+from p2l.evaluation.chaining.elsewhere import table_5_2
 from p2l.evaluation.chaining.reuse import figure_5_9
+from p2l.evaluation.chaining.strategies import strategies_5
 from p2l.evaluation.chaining.tables import Learning, figure_5_5, figure_5_8, steps_to_thesis, table_5_1
 from p2l.evaluation.page.page import Films, Picture, Reading, render
 from p2l.evaluation.page.sources import Sources

@@ -9,7 +9,7 @@ from p2l.artifacts import save_json
 from p2l.evaluation.metareskill import section as recoveries
 from p2l.evaluation.page.page import Films, Reading
 from p2l.evaluation.page.sources import Sources
-from p2l.evaluation.team.tables import COLUMNS
+from p2l.evaluation.rows import COLUMNS
 from tests.evaluation.team.team_results import FOLDER
 
 SCORES = ("accuracy", "precision", "recall", "solved_where_it_holds")

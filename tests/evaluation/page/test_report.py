@@ -16,8 +16,9 @@ from p2l.evaluation.page.page import Films, Picture, Reading, Section, Sheet, re
 from p2l.evaluation.page.sources import Sources
 from p2l.evaluation.page.views import averages, estimate, plain_setting, spoken
 from p2l.evaluation.report import SECTIONS
+from p2l.evaluation.rows import COLUMNS
 from p2l.evaluation.team.metrics import summarise
-from p2l.evaluation.team.tables import COLUMNS, table_3_2
+from p2l.evaluation.team.tables import table_3_2
 from p2l.evaluation.thesis import load_thesis
 from p2l.records import TransferData
 from tests.evaluation.team.team_results import FOLDER, METHODS, plans, results, study

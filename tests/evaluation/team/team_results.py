@@ -6,7 +6,7 @@ import pandas as pd
 
 from p2l.evaluation.team.metrics import summarise
 
-FOLDER = Path(__file__).parents[2] / "data" / "thesis"
+FOLDER = Path(__file__).parents[3] / "data" / "thesis"
 METHODS = ("adl", "ad", "cba", "cba_best", "alm", "adl_any", "adl_true")
 ZERO = {"demos": 0.0, "delegated": 0.0, "attempts": 0.0, "failures": 0.0, "n_tasks": 10.0}
 

@@ -12,6 +12,7 @@ from p2l.contracts.world import View
 from p2l.evaluation.video import player as videos
 from p2l.evaluation.video.failures import film
 from p2l.evaluation.video.player import Camera, NoGLError, VideoOptions, backend, save_video
+from p2l.failures.discovery import replay
 from tests.failures.pushing import found
 
 SMALL = VideoOptions(width=96, height=64, max_frames=5, hold_s=0.5)
@@ -74,7 +75,8 @@ def test_a_body_is_drawn_where_its_state_says(pushed):
 @drawing
 def test_a_video_is_in_real_time_and_ends_framed_in_red(pushed, tmp_path):
     world, options, made = pushed
-    film(tmp_path, ["one", "two"], world, options, made.failures.take([0, 1]), SMALL)
+    two = made.failures.take([0, 1])
+    film(tmp_path, ["one", "two"], world, two, replay(world, options, two), SMALL)
     frames, fps = read(tmp_path / "one.mp4")
     steps = int(made.failures.step[0])
     every = -(-(steps + 1) // SMALL.max_frames)
@@ -100,10 +102,11 @@ def test_without_a_gl_the_work_goes_on_without_videos(pushed, tmp_path, fresh, c
     """A display driver that is not there, for real: EGL finds no vendor."""
     world, options, made = pushed
     fresh.setattr(videos, "BACKENDS", ("egl",))
+    one = made.failures.take([0])
     (tmp_path / "old.mp4").write_bytes(b"of an earlier run")
     fresh.setenv("__EGL_VENDOR_LIBRARY_DIRS", "/nowhere")
     with caplog.at_level(logging.WARNING):
-        film(tmp_path, ["one"], world, options, made.failures.take([0]), SMALL)
+        film(tmp_path, ["one"], world, one, replay(world, options, one), SMALL)
     assert "libegl1 libgl1-mesa-dri (or libosmesa6)" in caplog.text
     assert [path.name for path in tmp_path.iterdir()] == ["videos.json"]
     index = json.loads((tmp_path / "videos.json").read_text())

@@ -22,7 +22,7 @@ import numpy as np
 from sklearn.ensemble import ExtraTreesClassifier
 from sklearn.model_selection import train_test_split
 
-from p2l.chaining.learner import Learner, Task, share, whole
+from p2l.chaining.learner import ChainTask, Learner, share, whole
 from p2l.chaining.mdp import Limits, Transitions
 from p2l.errors import ConfigError
 from p2l.records import Array, BoolArray, IntArray
@@ -155,7 +155,7 @@ def certain_from(probability: Array, paid: BoolArray, precision: float, support:
 
 
 def learner(
-    task: Task,
+    task: ChainTask,
     limits: Limits,
     *,
     outcomes: int = 50,

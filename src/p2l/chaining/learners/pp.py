@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 
 from p2l.chaining import preconditions
-from p2l.chaining.learner import Learner, Task, share, whole
+from p2l.chaining.learner import ChainTask, Learner, share, whole
 from p2l.chaining.mdp import Limits, Played
 from p2l.chaining.pool import first_state
 from p2l.errors import ConfigError
@@ -20,7 +20,9 @@ from p2l.records import Array, BoolArray
 from p2l.seeding import generator
 
 
-def learner(task: Task, limits: Limits, *, trajectories: int = 300, every: int = 5, threshold: float = 0.5) -> Learner:
+def learner(
+    task: ChainTask, limits: Limits, *, trajectories: int = 300, every: int = 5, threshold: float = 0.5
+) -> Learner:
     """Fit the preconditions offline, then pay for reaching them.
 
     Args:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from p2l.chaining.learner import Learner, Task
+from p2l.chaining.learner import ChainTask, Learner
 from p2l.chaining.mdp import Limits
 
 
-def learner(task: Task, limits: Limits) -> Learner:
+def learner(task: ChainTask, limits: Limits) -> Learner:
     """The MDP as it is."""
     return Learner(limits, task.failures)

@@ -17,10 +17,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from p2l.chaining.learner import Learner, Task, whole
+from p2l.chaining.learner import ChainTask, Learner, whole
 from p2l.chaining.mdp import Limits, Played
 from p2l.contracts.observation import Privileged
-from p2l.contracts.world import Rows, World
+from p2l.contracts.rows import Rows
+from p2l.contracts.world import Delivering, World
 from p2l.errors import ConfigError
 from p2l.records import Array, BoolArray
 from p2l.seeding import generator
@@ -31,20 +32,7 @@ REACH, HOLD, CARRY = 0.3, 0.2, 0.5
 NEAR_M, SHARPNESS_PER_M = 0.06, 5.0
 
 
-def _bread(truth: Privileged) -> Array:
-    from p2l.worlds.pick_place.world import QUARTER_M
-
-    return np.tile(QUARTER_M, (len(truth), 1))
-
-
-def _shelf(truth: Privileged) -> Array:
-    return truth["shelf_pos_m"] + [0.0, 0.0, 0.08]  # the box stands there: half its height above the board
-
-
-PLACES: dict[str, Place] = {"pick_place": _bread, "shelf": _shelf, "cluttered_shelf": _shelf}
-
-
-def learner(task: Task, limits: Limits, *, decisions: int = 80, starts: int = 500) -> Learner:
+def learner(task: ChainTask, limits: Limits, *, decisions: int = 80, starts: int = 500) -> Learner:
     """The whole task.
 
     Args:
@@ -59,14 +47,14 @@ def learner(task: Task, limits: Limits, *, decisions: int = 80, starts: int = 50
     for name, value in (("decisions", decisions), ("starts", starts)):
         if not whole(value, at_least=1):
             raise ConfigError(f"rl: {name} must be an integer of at least 1, got {value!r}")
-    if task.world.name not in PLACES:
+    if not isinstance(task.world, Delivering):
         raise ConfigError(
-            f"rl: no dense reward for world '{task.world.name}'; there is one for {', '.join(PLACES)}. Say where the "
-            "object belongs in p2l.chaining.learners.rl.PLACES"
+            f"rl: no dense reward for world '{task.world.name}'; say where its object belongs by a method "
+            "`delivery_pos(truth)` of its class (p2l.contracts.world.Delivering)"
         )
     rows = task.world.sample(generator(task.seed, "rl", task.world.name, "starts"), starts)
     bounds = replace(limits, decisions=decisions, primitive_steps=10 * decisions)
-    dense = _growth(task.world, PLACES[task.world.name])
+    dense = _growth(task.world, task.world.delivery_pos)
     return Learner(bounds, rows, (*PRIMITIVES, *GRIPS), options=False, judge=dense, whole_task=True)
 
 

@@ -29,7 +29,7 @@ from p2l.domains.insertion.physics import (
     FEATURE_NAMES,
     PART_HALF_WIDTH,
     POSITION_SENSOR,
-    Physics,
+    InsertionPhysics,
     build_model,
     is_inserted,
     start_states,
@@ -88,7 +88,7 @@ class InsertionDomain:
     """
 
     layout: Literal["grid", "board"] = "grid"
-    physics: Physics = field(default_factory=Physics)
+    physics: InsertionPhysics = field(default_factory=InsertionPhysics)
     noise_std: float = 0.003
     layout_seed: int = 0
     farthest_wall_cm: float = 2.0
@@ -300,7 +300,7 @@ def insertion(
         raise ConfigError(f"insertion: board_distance_m {board_distance_m} must be a rising range above 0")
     return InsertionDomain(
         layout=layout,
-        physics=_settings(Physics, physics),
+        physics=_settings(InsertionPhysics, physics),
         noise_std=float(noise_std),
         layout_seed=int(layout_seed),
         farthest_wall_cm=float(farthest_wall_cm),

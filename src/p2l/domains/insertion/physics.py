@@ -40,7 +40,7 @@ POSITION_SENSOR = "grip_pos"
 
 
 @dataclass(frozen=True)
-class Physics:
+class InsertionPhysics:
     """Settings of the abstract simulation (SI units).
 
     Attributes:
@@ -70,7 +70,7 @@ class Physics:
     inserted_share: float = 0.75
 
 
-def build_model(walls: Array, physics: Physics) -> mujoco.MjModel:
+def build_model(walls: Array, physics: InsertionPhysics) -> mujoco.MjModel:
     """Compile one scene.
 
     Args:
@@ -100,7 +100,7 @@ def build_model(walls: Array, physics: Physics) -> mujoco.MjModel:
     return spec.compile()
 
 
-def _add_box(spec: mujoco.MjSpec, pos: list[float], size: list[float], physics: Physics) -> None:
+def _add_box(spec: mujoco.MjSpec, pos: list[float], size: list[float], physics: InsertionPhysics) -> None:
     spec.worldbody.add_geom(
         type=mujoco.mjtGeom.mjGEOM_BOX,
         pos=pos,
@@ -113,7 +113,7 @@ def _add_box(spec: mujoco.MjSpec, pos: list[float], size: list[float], physics: 
     )
 
 
-def _add_board(spec: mujoco.MjSpec, physics: Physics) -> None:
+def _add_board(spec: mujoco.MjSpec, physics: InsertionPhysics) -> None:
     slot, depth = physics.slot_half_width, physics.slot_depth
     side = (BOARD_HALF - slot) / 2
     for sign in (-1.0, 1.0):
@@ -122,7 +122,7 @@ def _add_board(spec: mujoco.MjSpec, physics: Physics) -> None:
     _add_box(spec, [0.0, 0.0, -depth - 0.01], [2 * slot, 2 * slot, 0.01], physics)
 
 
-def _add_part(spec: mujoco.MjSpec, physics: Physics) -> None:
+def _add_part(spec: mujoco.MjSpec, physics: InsertionPhysics) -> None:
     body = spec.worldbody.add_body(name="part", pos=[0.0, 0.0, PART_HALF_LENGTH + physics.hover], gravcomp=1.0)
     body.add_freejoint()
     shape = {
@@ -155,7 +155,7 @@ def _add_part(spec: mujoco.MjSpec, physics: Physics) -> None:
         )
 
 
-def start_states(engine: Engine, estimate_error: Array, physics: Physics) -> Array:
+def start_states(engine: Engine, estimate_error: Array, physics: InsertionPhysics) -> Array:
     """[N, S] rows in which the part hovers upright above the estimated slot; `estimate_error` is [N, 2] m."""
     rows = len(estimate_error)
     qpos = np.zeros((rows, 7))
@@ -166,7 +166,7 @@ def start_states(engine: Engine, estimate_error: Array, physics: Physics) -> Arr
     return engine.states_from(qpos, grip, np.array([1.0, 0.0, 0.0, 0.0]))
 
 
-def is_inserted(tip_pos: Array, physics: Physics) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
+def is_inserted(tip_pos: Array, physics: InsertionPhysics) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
     """[N] whether the tip [N, 3] is deep enough in the slot."""
     return np.asarray(tip_pos[:, 2] < -physics.inserted_share * physics.slot_depth)
 

@@ -19,7 +19,7 @@ from typing import ClassVar
 import numpy as np
 
 from p2l.contracts.domain import Encoding, Progress, TapView, Tasks
-from p2l.domains.lego.parts import PARTS, Camera, photograph, rotate
+from p2l.domains.lego.parts import PARTS, OverheadCamera, photograph, rotate
 from p2l.errors import ConfigError
 from p2l.records import Array, BoolArray, IntArray
 
@@ -52,7 +52,7 @@ class Lego:
     slip_angle: float = 0.03
     candidates: int = 20_000
     max_taps: int = 8
-    camera: Camera = field(default_factory=Camera)
+    camera: OverheadCamera = field(default_factory=OverheadCamera)
 
     name: ClassVar[str] = "lego"
     encoding: ClassVar[Encoding] = "concatenation"

@@ -83,7 +83,7 @@ PARTS: tuple[Part, ...] = (
 
 
 @dataclass(frozen=True)
-class Camera:
+class OverheadCamera:
     """The sensor and the user who marks a part; lengths in cm, angles in radians."""
 
     pixel: float = 0.2
@@ -120,7 +120,7 @@ def rotate(points: Array, angle: Array) -> Array:
     return np.stack([cosine * x - sine * y, sine * x + cosine * y], axis=-1)
 
 
-def photograph(part: Part, camera: Camera, rng: np.random.Generator, m: int) -> Views:
+def photograph(part: Part, camera: OverheadCamera, rng: np.random.Generator, m: int) -> Views:
     """Take m pictures of `part`, each at its own place and angle, and crop them to the user's box."""
     count = round(camera.field / camera.pixel)
     pose = rng.uniform(-1.0, 1.0, (m, 3)) * np.array([1.0, 1.0, np.pi])

@@ -12,50 +12,18 @@ Readings of the thesis:
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
 
 import numpy as np
 import pandas as pd
 
-from p2l.chaining.episodes import Agents, Book, episodes_of_seed, totals
-from p2l.contracts.option import Option
-from p2l.contracts.world import World
+from p2l.evaluation.chaining.rates import totals
+from p2l.evaluation.rows import Row, interval_row, table_of
 from p2l.evaluation.statistics import t_interval
-from p2l.evaluation.team.tables import COLUMNS, Row
 from p2l.evaluation.thesis import Thesis
 
 TABLE = "ablation_5"
 OWN = "as_given"  # the world as it is configured
-
-
-@dataclass(frozen=True)
-class Ablated:
-    """A variant of the world with the policies, by seed, that were learnt in it.
-
-    Attributes:
-        name: of the variant.
-        world: with the noise scaled, or the observations cut.
-        nominal: its chain.
-        agents: by seed.
-    """
-
-    name: str
-    world: World
-    nominal: Sequence[Option]
-    agents: Mapping[int, Agents]
-
-
-def episodes_of_variant(
-    book: Book, one: Ablated, episodes: int, progress: Callable[[int], None] | None = None
-) -> pd.DataFrame:
-    """Its episodes of all seeds, from records or leaving them; from the same start states as the configured world's."""
-    place = replace(book, item=f"{book.item}_{one.name}")
-    parts = [
-        episodes_of_seed(place, one.world, one.nominal, seed, agents, episodes, progress)
-        for seed, agents in one.agents.items()
-    ]
-    return pd.concat(parts, ignore_index=True)
 
 
 def ablation_5(world: str, found: Mapping[str, pd.DataFrame], thesis: Thesis) -> pd.DataFrame:
@@ -79,10 +47,8 @@ def ablation_5(world: str, found: Mapping[str, pd.DataFrame], thesis: Thesis) ->
             for name, measure in (("primitives", primitives), ("open_loop", open_loop)):
                 if acted:
                     by_seed = t_interval([measure(one["actions"]) for one in acted])
-                    limits = float(by_seed.mean), float(by_seed.low), float(by_seed.high)
-                    rows.append((str(learner), setting, name, *limits, by_seed.n))
-    made = pd.DataFrame(rows, columns=list(COLUMNS[:-1]))
-    return thesis.beside(made.astype({"mean": float, "low": float, "high": float, "n": int}), TABLE)
+                    rows.append(interval_row(str(learner), setting, name, by_seed))
+    return thesis.beside(table_of(rows), TABLE)
 
 
 def primitives(actions: pd.Series) -> float:

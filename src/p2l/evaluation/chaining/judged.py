@@ -9,18 +9,18 @@ from pathlib import Path
 import pandas as pd
 
 from p2l.artifacts import finite, save_json
-from p2l.chaining.elsewhere import TABLE as TRANSFERS
-from p2l.chaining.elsewhere import table_5_2
-from p2l.chaining.episodes import totals
-from p2l.chaining.strategies import TABLE as STRATEGIES
-from p2l.chaining.strategies import strategies_5
 from p2l.errors import ArtifactError
 from p2l.evaluation.chaining import tables
 from p2l.evaluation.chaining.ablation import OWN, ablation_5
 from p2l.evaluation.chaining.ablation import TABLE as ABLATION
+from p2l.evaluation.chaining.elsewhere import TABLE as TRANSFERS
+from p2l.evaluation.chaining.elsewhere import table_5_2
 from p2l.evaluation.chaining.figures import MAIN, learning_curves, options_tried
+from p2l.evaluation.chaining.rates import totals
 from p2l.evaluation.chaining.reuse import TABLE as REUSE
 from p2l.evaluation.chaining.reuse import figure_5_9, novel_starts
+from p2l.evaluation.chaining.strategies import TABLE as STRATEGIES
+from p2l.evaluation.chaining.strategies import strategies_5
 from p2l.evaluation.sheets import load_sheet, pooled, save_sheets
 from p2l.evaluation.thesis import load_thesis
 
@@ -30,7 +30,7 @@ _NEEDED = {"rounds": ("learner", "seed", "round"), "evaluations": ("learner", "s
 
 
 @dataclass(frozen=True)
-class Evaluated:
+class ChainEvaluation:
     """All that was run in one world, and how it was learnt.
 
     Attributes:
@@ -71,7 +71,7 @@ def read_runs(folder: Path, learners: Sequence[str], seeds: Sequence[int]) -> li
     return runs
 
 
-def chain_report(out: Path, found: Evaluated, thesis: Path) -> tuple[dict[str, float], list[Path]]:
+def chain_report(out: Path, found: ChainEvaluation, thesis: Path) -> tuple[dict[str, float], list[Path]]:
     """Write the tables as CSV, the figures as PNG, and summary.json.
 
     Returns:

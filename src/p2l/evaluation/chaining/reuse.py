@@ -7,15 +7,14 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from p2l.evaluation.statistics import wilson_interval
+from p2l.chaining.novelty import SETS
+from p2l.evaluation.rows import Row, rate_row, table_of
 from p2l.evaluation.style import plain
-from p2l.evaluation.team.tables import COLUMNS, Row
 from p2l.evaluation.thesis import Thesis
 from p2l.records import BoolArray
 
 TABLE = "figure_5_9"
 ANY = "any"
-SETS = ("visited", "begun")  # of nominal states, see `chain_reuse`
 OUTSIDE, INSIDE = "#D55E00", "#0072B2"
 COUNTS_AT = 1.04  # beside the axis of shares, where no interval is
 NAMES = {"outside_visited": "where it is at work", "outside_begun": "where it begins"}
@@ -27,7 +26,7 @@ def figure_5_9(world: str, reuse: pd.DataFrame, thesis: Thesis) -> pd.DataFrame:
 
     Args:
         world: name of the item.
-        reuse: rows of `chain_reuse`, of all seeds; those that handed nothing over do not count.
+        reuse: rows of `p2l.chaining.reuse`, of all seeds; those that handed nothing over do not count.
         thesis: for the column of its numbers.
     """
     rows: list[Row] = []
@@ -42,8 +41,7 @@ def figure_5_9(world: str, reuse: pd.DataFrame, thesis: Thesis) -> pd.DataFrame:
                 rows.append(_rate(str(learner), setting, f"outside_{name}", off))
                 rows.append(_rate(str(learner), setting, f"pays_outside_{name}", paid[off]))
                 rows.append(_rate(str(learner), setting, f"pays_inside_{name}", paid[~off]))
-    table = pd.DataFrame(rows, columns=list(COLUMNS[:-1]))
-    return thesis.beside(table.astype({"mean": float, "low": float, "high": float, "n": int}), TABLE)
+    return thesis.beside(table_of(rows), TABLE)
 
 
 def novel_starts(table: pd.DataFrame, world: str, learner: str = "rc") -> Figure:
@@ -92,7 +90,4 @@ def _points(axes: Axes, rows: pd.DataFrame, options: list[str], shift: float, co
 
 
 def _rate(method: str, setting: str, metric: str, hits: BoolArray) -> Row:
-    if not len(hits):
-        return method, setting, metric, np.nan, np.nan, np.nan, 0
-    low, high = wilson_interval(int(hits.sum()), len(hits))
-    return method, setting, metric, float(hits.mean()), float(low), float(high), len(hits)
+    return rate_row(method, setting, metric, int(hits.sum()), len(hits))

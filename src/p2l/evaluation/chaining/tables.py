@@ -1,23 +1,21 @@
 """Table 5.1 and the data of figures 5.5 and 5.8, as long tables beside the thesis's numbers.
 
-Columns are those of `tables.COLUMNS`: `mean` with `low` and `high` is an estimate and its 95 % interval, empty where
-there is none; a `setting` is `name=value` pairs joined by `;`, and those with a `seed` tell of one run alone.
+Columns are those of `evaluation.rows`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
 
-from p2l.chaining.episodes import totals
 from p2l.evaluation.chaining.figures import BESIDE_MAIN, MAIN
+from p2l.evaluation.chaining.rates import totals
+from p2l.evaluation.rows import Row, interval_row, single_row, table_of
 from p2l.evaluation.statistics import paired_difference, t_interval
-from p2l.evaluation.team.tables import COLUMNS, Row
 from p2l.evaluation.thesis import Thesis
-from p2l.records import Array
 
 BUDGET = 500_000  # control steps that the thesis gives every learner
 TABLE, CURVES, TRIED = "table_5_1", "figure_5_5", "figure_5_8"
@@ -60,9 +58,7 @@ def table_5_1(episodes: Mapping[str, pd.DataFrame], thesis: Thesis) -> pd.DataFr
             for seed, own in part.groupby("seed"):
                 alone = totals(own)
                 rows += [_of(str(learner), f"{setting};seed={seed}", name, alone[name]) for name in names]
-            rows.append(
-                (str(learner), setting, "success_by_seed", *_limits(seeds.mean, seeds.low, seeds.high), seeds.n)
-            )
+            rows.append(interval_row(str(learner), setting, "success_by_seed", seeds))
         rows += _beside_main(table, setting)
         chained = table[~table["whole_task"]]
         if len(chained):
@@ -70,7 +66,7 @@ def table_5_1(episodes: Mapping[str, pd.DataFrame], thesis: Thesis) -> pd.DataFr
             rows.append(_of("nominal", setting, "success", totals(first)["nominal"]))
             for seed, own in first.groupby("seed"):
                 rows.append(_of("nominal", f"{setting};seed={seed}", "success", totals(own)["nominal"]))
-    return thesis.beside(_frame(rows), TABLE)
+    return thesis.beside(table_of(rows), TABLE)
 
 
 def _beside_main(table: pd.DataFrame, setting: str) -> list[Row]:
@@ -83,7 +79,7 @@ def _beside_main(table: pd.DataFrame, setting: str) -> list[Row]:
         both = sound[[learner, MAIN]].dropna().astype(float).groupby("seed").mean()
         if len(both):
             found = paired_difference(both[learner].to_numpy(), both[MAIN].to_numpy())
-            rows.append((str(learner), setting, BESIDE_MAIN, *_limits(found.mean, found.low, found.high), found.n))
+            rows.append(interval_row(str(learner), setting, BESIDE_MAIN, found))
     return rows
 
 
@@ -96,12 +92,12 @@ def figure_5_5(runs: Mapping[str, Iterable[Learning]], thesis: Thesis, points: i
             for steps in np.linspace(0.0, last, points):
                 found = t_interval([_at(run.evaluations, steps) for run in own])
                 setting = f"world={world};control_steps={round(steps)}"
-                rows.append((learner, setting, "success", *_limits(found.mean, found.low, found.high), found.n))
+                rows.append(interval_row(learner, setting, "success", found))
             for run in own:
                 for one in run.evaluations.to_dict("records"):
                     setting = f"world={world};seed={run.seed};control_steps={round(one['control_steps'])}"
-                    rows.append((learner, setting, "success", one["success"], np.nan, np.nan, 1))
-    return thesis.beside(_frame(rows), CURVES)
+                    rows.append(single_row(learner, setting, "success", one["success"]))
+    return thesis.beside(table_of(rows), CURVES)
 
 
 def figure_5_8(runs: Mapping[str, Iterable[Learning]], thesis: Thesis) -> pd.DataFrame:
@@ -116,10 +112,10 @@ def figure_5_8(runs: Mapping[str, Iterable[Learning]], thesis: Thesis) -> pd.Dat
                     found = t_interval(list(counts.values()))
                     metric = option.removeprefix("chosen:from ")
                     setting = f"world={world};round={number}"
-                    rows.append((learner, setting, metric, *_limits(found.mean, found.low, found.high), found.n))
+                    rows.append(interval_row(learner, setting, metric, found))
                     for seed, count in counts.items():
-                        rows.append((learner, f"{setting};seed={seed}", metric, count, np.nan, np.nan, 1))
-    return thesis.beside(_frame(rows), TRIED)
+                        rows.append(single_row(learner, f"{setting};seed={seed}", metric, count))
+    return thesis.beside(table_of(rows), TRIED)
 
 
 def steps_to_thesis(table: pd.DataFrame, runs: Mapping[str, Iterable[Learning]], thesis: Thesis) -> pd.DataFrame:
@@ -154,9 +150,9 @@ def steps_to_thesis(table: pd.DataFrame, runs: Mapping[str, Iterable[Learning]],
             for name, values in (("control_steps", np.array(spent)), ("ratio", np.array(spent) / BUDGET)):
                 found = t_interval(values)
                 low = np.maximum(found.low, 0.0)  # t limits of few and very unequal runs reach below
-                rows.append((learner, setting, name, *_limits(found.mean, low, found.high), found.n))
-            rows.append((learner, setting, "reached", reached, np.nan, np.nan, len(own)))
-    return thesis.beside(_frame(rows), "steps_to_thesis")
+                rows.append(interval_row(learner, setting, name, replace(found, low=low)))
+            rows.append(single_row(learner, setting, "reached", reached, len(own)))
+    return thesis.beside(table_of(rows), "steps_to_thesis")
 
 
 def _first(evaluations: pd.DataFrame, success: float) -> float | None:
@@ -180,12 +176,3 @@ def _by_learner(runs: Iterable[Learning]) -> dict[str, list[Learning]]:
 
 def _of(method: str, setting: str, metric: str, rate: Mapping[str, float]) -> Row:
     return method, setting, metric, rate["mean"], rate["low"], rate["high"], int(rate["n"])
-
-
-def _limits(mean: Array, low: Array, high: Array) -> tuple[float, float, float]:
-    return float(mean), float(low), float(high)
-
-
-def _frame(rows: list[Row]) -> pd.DataFrame:
-    table = pd.DataFrame(rows, columns=list(COLUMNS[:-1]))
-    return table.astype({"mean": float, "low": float, "high": float, "n": int})

@@ -13,7 +13,7 @@ from p2l.evaluation.failures.tables import rate
 from p2l.evaluation.page.page import Agreement, Films, Part, Picture, Reading, Section, Sheet
 from p2l.evaluation.page.sources import Sources
 from p2l.evaluation.page.views import estimate, stage_commands
-from p2l.evaluation.team.tables import COLUMNS
+from p2l.evaluation.rows import table_of
 from p2l.evaluation.thesis import Thesis
 
 CHAPTERS = (4, 5)
@@ -134,7 +134,7 @@ def _mode_rows(world: str, told: dict[str, Any]) -> list[dict[str, Any]]:
 
 def _beside(table: pd.DataFrame, theses: list[Thesis], item: str = ITEM) -> pd.DataFrame:
     """The table with the thesis's numbers, whichever chapter has them."""
-    columns = table[list(COLUMNS[:-1])].astype({"mean": float, "low": float, "high": float, "n": int})
+    columns = table_of(table)
     known = [thesis.beside(columns, item)["thesis"] for thesis in theses]
     return columns.assign(thesis=known[0].combine_first(known[1]))
 

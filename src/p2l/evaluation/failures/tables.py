@@ -47,7 +47,7 @@ def first_kind(failures: Failures) -> dict[str, int]:
 
 def found_metrics(summary: Mapping[str, Any]) -> dict[str, float]:
     """Headline numbers of `discover`'s summary, for the tracker."""
-    numbers: dict[str, float] = {key: summary[key] for key in ("episodes_per_s", "control_steps_per_s")}
+    numbers: dict[str, float] = {}
     for split in SPLITS:
         part = summary[split]
         numbers |= {f"{split}/{key}": part[key] for key in ("failures", "failing_episodes", "diverged")}

@@ -14,8 +14,8 @@ from matplotlib.figure import Figure
 
 from p2l.evaluation.metareskill.figures import allocation_figure, value_figure
 from p2l.evaluation.metareskill.rounds import comparison_table
-from p2l.evaluation.statistics import t_interval, wilson_interval
-from p2l.evaluation.team.tables import COLUMNS, Row
+from p2l.evaluation.rows import Row, interval_row, rate_row, single_row, table_of
+from p2l.evaluation.statistics import t_interval
 from p2l.evaluation.thesis import Thesis
 
 FIGURE_4_6, FIGURE_4_7 = "figure_4_6", "figure_4_7"
@@ -42,17 +42,16 @@ def figure_4_7(values: pd.DataFrame, chooser: str, thesis: Thesis) -> pd.DataFra
         share = part["share"].to_numpy(dtype=float)
         told = zip(part["seed"], gains, share, strict=True)
         for seed, gain, spent in told:
-            rows.append((chooser, f"seed={seed};{setting}", "final_gain", gain, np.nan, np.nan, 1))
-            rows.append((chooser, f"seed={seed};{setting}", "budget_share", spent, np.nan, np.nan, 1))
-        rows.append(_over_seeds(chooser, setting, "final_gain", gains))
+            rows.append(single_row(chooser, f"seed={seed};{setting}", "final_gain", gain))
+            rows.append(single_row(chooser, f"seed={seed};{setting}", "budget_share", spent))
+        rows.append(interval_row(chooser, setting, "final_gain", t_interval(gains)))
         reached = np.isfinite(share)
         if reached.any():
-            rows.append(_over_seeds(chooser, setting, "budget_share", share[reached]))
+            rows.append(interval_row(chooser, setting, "budget_share", t_interval(share[reached])))
         early = reached & (np.nan_to_num(share, nan=1.0) <= 0.7)
         for name, hits in (("better", gains > 0.0), ("reached", reached), ("within_70_percent", early)):
-            low, high = wilson_interval(int(hits.sum()), len(hits))
-            rows.append((chooser, setting, name, float(hits.mean()), float(low), float(high), len(hits)))
-    return thesis.beside(_frame(rows), FIGURE_4_7)
+            rows.append(rate_row(chooser, setting, name, int(hits.sum()), len(hits)))
+    return thesis.beside(table_of(rows), FIGURE_4_7)
 
 
 def figure_4_6(values: pd.DataFrame, allocation: pd.DataFrame, choosers: Sequence[str], thesis: Thesis) -> pd.DataFrame:
@@ -72,9 +71,9 @@ def figure_4_6(values: pd.DataFrame, allocation: pd.DataFrame, choosers: Sequenc
         for metric in ("trained", "q"):
             numbers = part[metric].to_numpy(dtype=float)
             for seed, number in zip(part["seed"], numbers, strict=True):
-                rows.append((str(chooser), f"seed={seed};{setting}", metric, number, np.nan, np.nan, 1))
-            rows.append(_over_seeds(str(chooser), setting, metric, numbers))
-    return thesis.beside(_frame(rows), FIGURE_4_6)
+                rows.append(single_row(str(chooser), f"seed={seed};{setting}", metric, number))
+            rows.append(interval_row(str(chooser), setting, metric, t_interval(numbers)))
+    return thesis.beside(table_of(rows), FIGURE_4_6)
 
 
 def draw_4_7(table: pd.DataFrame, title: str) -> Figure:
@@ -96,12 +95,11 @@ def _values(values: pd.DataFrame) -> list[Row]:
     for chooser, part in values.groupby("chooser", sort=False):
         for seed, own in part.groupby("seed", sort=True):
             pairs = zip(own["queries"], own["value"], strict=True)
-            rows += [
-                (str(chooser), f"seed={seed};queries={count}", "value", value, np.nan, np.nan, 1)
-                for count, value in pairs
-            ]
+            rows += [single_row(str(chooser), f"seed={seed};queries={count}", "value", value) for count, value in pairs]
         for count, own in part.groupby("queries", sort=True):
-            rows.append(_over_seeds(str(chooser), f"queries={count}", "value", own["value"].to_numpy(dtype=float)))
+            rows.append(
+                interval_row(str(chooser), f"queries={count}", "value", t_interval(own["value"].to_numpy(dtype=float)))
+            )
     return rows
 
 
@@ -109,13 +107,3 @@ def _curves(table: pd.DataFrame) -> pd.DataFrame:
     parts = table["setting"].str.extract(r"^seed=(?P<seed>\d+);queries=(?P<queries>\d+)$")
     kept = parts["seed"].notna() & (table["metric"] == "value")
     return parts[kept].astype(int).assign(chooser=table["method"][kept], value=table["mean"][kept])
-
-
-def _over_seeds(method: str, setting: str, metric: str, numbers: np.typing.NDArray[np.float64]) -> Row:
-    found = t_interval(numbers)
-    return method, setting, metric, float(found.mean), float(found.low), float(found.high), found.n
-
-
-def _frame(rows: list[Row]) -> pd.DataFrame:
-    table = pd.DataFrame(rows, columns=list(COLUMNS[:-1]))
-    return table.astype({"mean": float, "low": float, "high": float, "n": int})

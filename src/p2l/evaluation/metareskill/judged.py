@@ -12,11 +12,10 @@ import pandas as pd
 from p2l.artifacts import finite, save_json
 from p2l.errors import ArtifactError
 from p2l.evaluation.metareskill import curves, tables
-from p2l.evaluation.metareskill.learnt import Told
-from p2l.evaluation.sheets import load_sheet, save_sheets
+from p2l.evaluation.sheets import StageReport, load_sheet, save_sheets
 from p2l.evaluation.thesis import Thesis, load_thesis
-from p2l.metareskill.episodes import LEARNT
 from p2l.metareskill.record import Recoveries
+from p2l.metareskill.strategy_names import LEARNT
 from p2l.metareskill.value_iteration import value_of_failures
 from p2l.seeding import generator
 
@@ -25,12 +24,12 @@ _ROUNDS = ("seed", "chooser", "round", "mode", "target_name", "q_after", "value"
 
 
 @dataclass(frozen=True)
-class Evaluated:
+class RecoveryEvaluation:
     """All that was run, and all that was learnt.
 
     Attributes:
         item: for titles.
-        episodes: of `recovery_episodes`.
+        episodes: of `p2l.metareskill.episodes`.
         unseen: settings of table 4.2 behind the row `handle=unseen`, doors that recoveries were not trained on.
         learnt: recoveries by seed.
         rounds: `rounds.csv` of `learn_recoveries`.
@@ -55,7 +54,7 @@ def read_rounds(path: Path, seeds: Sequence[int]) -> pd.DataFrame:
     return table[table["seed"].isin(seeds)]
 
 
-def evaluation_report(out: Path, found: Evaluated, thesis: Path, seed: int) -> Told:
+def evaluation_report(out: Path, found: RecoveryEvaluation, thesis: Path, seed: int) -> StageReport:
     """Write the four tables as CSV, the two figures as PNG, and summary.json.
 
     Args:
@@ -76,10 +75,12 @@ def evaluation_report(out: Path, found: Evaluated, thesis: Path, seed: int) -> T
     metrics = _headline(made)
     save_json(out / "summary.json", {"headline": metrics}, schema="recovery_evaluation", version=1)
     files = (*(out / f"{name}.csv" for name in made), *(out / f"{name}.png" for name in figures))
-    return Told({name: value for name, value in metrics.items() if value is not None}, files, tuple(_notes(found)))
+    return StageReport(
+        {name: value for name, value in metrics.items() if value is not None}, files, tuple(_notes(found))
+    )
 
 
-def curve_tables(found: Evaluated) -> tuple[pd.DataFrame, pd.DataFrame]:
+def curve_tables(found: RecoveryEvaluation) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Values `seed, chooser, queries, value`, and allocation `seed, chooser, mode, target, trained, q`."""
     rounds, graph = found.rounds, next(iter(found.learnt.values())).graph
     before = float(value_of_failures(graph, np.zeros_like(graph.q)))
@@ -96,7 +97,7 @@ def curve_tables(found: Evaluated) -> tuple[pd.DataFrame, pd.DataFrame]:
     return values, pd.concat(parts, ignore_index=True)
 
 
-def _tables(found: Evaluated, thesis: Thesis, seed: int) -> dict[str, pd.DataFrame]:
+def _tables(found: RecoveryEvaluation, thesis: Thesis, seed: int) -> dict[str, pd.DataFrame]:
     episodes = found.episodes
     plain = episodes["setting"] == ""
     values, allocation = curve_tables(found)
@@ -128,7 +129,7 @@ def _headline(made: Mapping[str, pd.DataFrame]) -> dict[str, float | None]:
     return rows
 
 
-def _notes(found: Evaluated) -> list[str]:
+def _notes(found: RecoveryEvaluation) -> list[str]:
     """A seed whose training found nothing is said, not hidden."""
     lines = [
         f"Seed {seed}: no recovery is feasible, so that '{LEARNT}' gives up wherever no precondition holds."

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,21 +12,14 @@ import pandas as pd
 from p2l.artifacts import finite, save_json
 from p2l.evaluation.metareskill.figures import allocation_figure, graph_figure, value_figure
 from p2l.evaluation.metareskill.rounds import Histories, allocation_table, comparison_table, rounds_table, value_table
-from p2l.evaluation.sheets import save_sheets
+from p2l.evaluation.sheets import StageReport, save_sheets
 from p2l.metareskill.history import hopeless
 from p2l.metareskill.learn import Setting
 
 
-@dataclass(frozen=True)
-class Told:
-    """For the tracker: headline numbers, files, and paragraphs."""
-
-    metrics: dict[str, float]
-    files: tuple[Path, ...]
-    notes: tuple[str, ...]
-
-
-def learning_report(out: Path, item: str, setting: Setting, histories: Histories, choosers: Sequence[str]) -> Told:
+def learning_report(
+    out: Path, item: str, setting: Setting, histories: Histories, choosers: Sequence[str]
+) -> StageReport:
     """Write rounds.csv, figure_4_6.csv, figure_4_7.csv, choosers.csv, their figures, the graphs and summary.json.
 
     Args:
@@ -61,7 +53,7 @@ def learning_report(out: Path, item: str, setting: Setting, histories: Histories
     save_json(out / "summary.json", facts, schema="learn_summary", version=1)
     metrics = {f"value/{name}": float(value) for name, value in facts["final_value"].items()}
     files = (*(out / f"{name}.png" for name in figures), out / "rounds.csv")
-    return Told({**metrics, "solved": facts["solved"]}, files, tuple(_notes(setting, histories)))
+    return StageReport({**metrics, "solved": facts["solved"]}, files, tuple(_notes(setting, histories)))
 
 
 def _facts(setting: Setting, histories: Histories, values: pd.DataFrame, compared: pd.DataFrame) -> dict[str, Any]:

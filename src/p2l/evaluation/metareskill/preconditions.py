@@ -8,11 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from p2l.artifacts import finite
 from p2l.evaluation.statistics import wilson_interval
 from p2l.evaluation.style import plain
 from p2l.preconditions.backwards import Chaining, ChainingOptions, Samples, fit_one
@@ -44,6 +46,19 @@ def score_table(found: Chaining) -> pd.DataFrame:
             low, high = wilson_interval(hits, max(count, 1)) if count else (np.nan, np.nan)
             rows.append((name, metric, hits / count if count else np.nan, float(low), float(high), count))
     return pd.DataFrame(rows, columns=["skill", "metric", "value", "low", "high", "n"])
+
+
+def summary(found: Chaining, scores: pd.DataFrame) -> dict[str, Any]:
+    """Plain facts; `scores` is that of `score_table`."""
+    keys = scores["skill"] + "/" + scores["metric"]
+    named = zip(keys.tolist(), scores["value"].tolist(), strict=True)
+    return {
+        "trajectories": found.trajectories,
+        "successful": found.successful,
+        "samples": sum(len(samples.labels) for samples in found.samples),
+        "nominal": dict(zip(found.preconditions.names, found.preconditions.nominal.tolist(), strict=True)),
+        "scores": {key: finite(value) for key, value in named},
+    }
 
 
 def calibration_table(found: Chaining, bins: int = 8) -> pd.DataFrame:

@@ -12,7 +12,7 @@ from p2l.evaluation.metareskill import readings
 from p2l.evaluation.page.page import Films, Part, Picture, Section, Sheet
 from p2l.evaluation.page.sources import Sources
 from p2l.evaluation.page.views import estimate, stage_commands
-from p2l.evaluation.team.tables import COLUMNS
+from p2l.evaluation.rows import table_of
 
 CHAPTER = 4
 SHOWN_ROUNDS = 40
@@ -43,7 +43,7 @@ def preconditions(sources: Sources) -> Section:
     for world in sources.recovery_worlds:
         scores = sources.sheet("fit_preconditions", world, "scores.csv")
         setting = "world=" + world + ";skill=" + scores["skill"]
-        table = thesis.beside(_columns(scores.assign(method="chaining", setting=setting, mean=scores["value"])), "")
+        table = thesis.beside(table_of(scores.assign(method="chaining", setting=setting, mean=scores["value"])), "")
         cell = {(row["skill"], row["metric"]): row for row in scores.to_dict("records")}
         skills = list(dict.fromkeys(scores["skill"]))
         rows = [[_plain(skill), *(_rate(cell[skill, metric]) for metric in SCORES)] for skill in skills]
@@ -122,7 +122,7 @@ def _rounds(sources: Sources, world: str, mine: pd.DataFrame) -> Sheet:
     caption = (
         f"{world}, {_plain(mine['chooser'].iloc[0])}, first seed: {len(rows)} rounds after the initial ones. {ROUNDS}"
     )
-    return Sheet(_named("recovery_rounds", sources, world), _columns(long).assign(thesis=math.nan), head, rows, caption)
+    return Sheet(_named("recovery_rounds", sources, world), table_of(long).assign(thesis=math.nan), head, rows, caption)
 
 
 def _films(sources: Sources, world: str) -> Part:
@@ -136,10 +136,6 @@ def _films(sources: Sources, world: str) -> Part:
         end = "" if one["moment"] == "before" else "; solved" if one["solved"] else "; not solved"
         shown.append((f"{world} mode {one['mode']} {one['moment']}", mp4, f"{name}: {told}{end}"))
     return Films(shown)
-
-
-def _columns(table: pd.DataFrame) -> pd.DataFrame:
-    return table[list(COLUMNS[:-1])].astype({"mean": float, "low": float, "high": float, "n": int})
 
 
 def _named(name: str, sources: Sources, world: str) -> str:

@@ -12,7 +12,7 @@ from p2l.evaluation.metareskill.tables import UNSEEN
 from p2l.evaluation.page.page import Agreement, Part, Picture, Reading, Section, Sheet
 from p2l.evaluation.page.sources import Sources
 from p2l.evaluation.page.views import estimate, spoken, stage_commands
-from p2l.metareskill.episodes import LEARNT, OPEN_LOOP
+from p2l.metareskill.strategy_names import LEARNT, OPEN_LOOP
 
 CHAPTER, STAGE = 4, "evaluate_recoveries"
 NEAR = 0.05  # a success rate this far below the thesis's still counts as reproduced

@@ -1,8 +1,6 @@
 """Tables 4.1 and 4.2, as long tables beside the thesis's numbers.
 
-Columns are those of `tables.COLUMNS`: `mean` with `low` and `high` is an estimate and its 95 % interval, empty where
-there is none; a `setting` is `name=value` pairs joined by `;`. Rows of single seeds have `seed=…` in their setting; the
-others pool all seeds. Metrics:
+Columns are those of `evaluation.rows`.
 
 - `success`: rate, Wilson limits over episodes.
 - `success_by_seed`: mean of the seeds' rates, t limits, which also hold what differs between runs of learning.
@@ -23,11 +21,11 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from p2l.evaluation.statistics import Interval, resample_weights, t_interval, wilson_interval
-from p2l.evaluation.team.tables import COLUMNS, Row
+from p2l.evaluation.rows import Row, interval_row, joined, rate_row, single_row, table_of
+from p2l.evaluation.statistics import Interval, resample_weights, t_interval
 from p2l.evaluation.thesis import Thesis
-from p2l.metareskill.episodes import LEARNT, OPEN_LOOP
-from p2l.records import Array, BoolArray
+from p2l.metareskill.strategy_names import LEARNT, OPEN_LOOP
+from p2l.records import BoolArray
 
 TABLE_4_1, TABLE_4_2 = "table_4_1", "table_4_2"
 UNSEEN = "unseen"
@@ -38,7 +36,7 @@ def table_4_1(episodes: pd.DataFrame, thesis: Thesis, rng: np.random.Generator) 
     """Strategies under an estimator that improves; what learnt recoveries gain over each of the others.
 
     Args:
-        episodes: of `recovery_episodes`, of one place.
+        episodes: of `p2l.metareskill.episodes`, of one place.
         thesis: chapter 4.
         rng: of the bootstrap.
     """
@@ -48,7 +46,7 @@ def table_4_1(episodes: pd.DataFrame, thesis: Thesis, rng: np.random.Generator) 
     for other in dict.fromkeys(episodes["method"]):
         if other != LEARNT and LEARNT in set(episodes["method"]):
             rows += _gains(episodes, str(other), "", rng)
-    table = thesis.beside(_frame(rows), TABLE_4_1)
+    table = thesis.beside(table_of(rows), TABLE_4_1)
     return _with_gains(table, thesis, TABLE_4_1)
 
 
@@ -56,7 +54,7 @@ def table_4_2(episodes: pd.DataFrame, unseen: Sequence[str], thesis: Thesis, rng
     """Open loop and learnt recoveries on every door, and what they gain; the mean gain over doors never trained on.
 
     Args:
-        episodes: of `recovery_episodes`; a door each setting.
+        episodes: of `p2l.metareskill.episodes`; a door each setting.
         unseen: settings behind the row `handle=unseen`.
         thesis: chapter 4.
         rng: of the bootstrap.
@@ -69,7 +67,7 @@ def table_4_2(episodes: pd.DataFrame, unseen: Sequence[str], thesis: Thesis, rng
     kept = episodes[episodes["setting"].isin(unseen)]
     if len(kept):
         rows += _gains(kept, OPEN_LOOP, f"handle={UNSEEN}", rng)
-    return _with_gains(thesis.beside(_frame(rows), TABLE_4_2), thesis, TABLE_4_2)
+    return _with_gains(thesis.beside(table_of(rows), TABLE_4_2), thesis, TABLE_4_2)
 
 
 def paired_gain(success: pd.DataFrame, rng: np.random.Generator, resamples: int = RESAMPLES) -> Interval:
@@ -95,12 +93,12 @@ def _rows(method: str, setting: str, part: pd.DataFrame) -> list[Row]:
     """Each seed's rows, then the pooled ones."""
     rows: list[Row] = []
     for seed, own in part.groupby("seed", sort=True):
-        rows += _measures(method, _joined(f"seed={seed}", setting), own)
+        rows += _measures(method, joined(f"seed={seed}", setting), own)
     rows += _measures(method, setting, part)
     sound = part[~part["diverged"]]
     rates = sound.groupby("seed")["success"].mean().to_numpy(dtype=float)
     if len(rates) > 1:
-        rows.append(_row(method, setting, "success_by_seed", t_interval(rates)))
+        rows.append(interval_row(method, setting, "success_by_seed", t_interval(rates)))
     return rows
 
 
@@ -111,11 +109,11 @@ def _measures(method: str, setting: str, part: pd.DataFrame) -> list[Row]:
     good = path[sound["success"].to_numpy(dtype=bool)]
     for name, values in (("path_m", path), ("path_m_success", good)):
         if len(values):
-            rows.append(_row(method, setting, name, t_interval(values)))
+            rows.append(interval_row(method, setting, name, t_interval(values)))
     if len(good) > 1:
-        rows.append((method, setting, "path_m_success_sd", float(good.std(ddof=1)), np.nan, np.nan, len(good)))
+        rows.append(single_row(method, setting, "path_m_success_sd", float(good.std(ddof=1)), len(good)))
     if len(sound):
-        rows.append(_row(method, setting, "options", t_interval(sound["options"].to_numpy(dtype=float))))
+        rows.append(interval_row(method, setting, "options", t_interval(sound["options"].to_numpy(dtype=float))))
     rows.append(_rate(method, setting, "recovered", (sound["recoveries"] > 0).to_numpy()))
     rows.append(_rate(method, setting, "diverged", part["diverged"].to_numpy(dtype=bool)))
     return rows
@@ -127,14 +125,14 @@ def _gains(episodes: pd.DataFrame, other: str, setting: str, rng: np.random.Gene
     sound = episodes[~episodes["diverged"]].set_index(keys)
     ours, theirs = (sound[sound["method"] == name]["success"] for name in (LEARNT, other))
     paired = pd.concat({"ours": ours, "theirs": theirs}, axis=1, join="inner").reset_index()
-    told = _joined(f"over={other}", setting)
+    told = joined(f"over={other}", setting)
     if not len(paired):
         return []
     rows = [
-        _row(LEARNT, _joined(f"seed={seed}", told), "gain", paired_gain(own, rng))
+        interval_row(LEARNT, joined(f"seed={seed}", told), "gain", paired_gain(own, rng))
         for seed, own in paired.groupby("seed", sort=True)
     ]
-    return [*rows, _row(LEARNT, told, "gain", paired_gain(paired, rng))]
+    return [*rows, interval_row(LEARNT, told, "gain", paired_gain(paired, rng))]
 
 
 def _with_gains(table: pd.DataFrame, thesis: Thesis, item: str) -> pd.DataFrame:
@@ -154,22 +152,4 @@ def _with_gains(table: pd.DataFrame, thesis: Thesis, item: str) -> pd.DataFrame:
 
 
 def _rate(method: str, setting: str, metric: str, hits: BoolArray) -> Row:
-    low, high = wilson_interval(int(hits.sum()), len(hits))
-    mean = float(hits.mean()) if len(hits) else np.nan
-    return method, setting, metric, mean, float(low), float(high), len(hits)
-
-
-def _row(method: str, setting: str, metric: str, found: Interval) -> Row:
-    def plain(value: Array) -> float:
-        return float(value)
-
-    return method, setting, metric, plain(found.mean), plain(found.low), plain(found.high), found.n
-
-
-def _joined(*parts: str) -> str:
-    return ";".join(part for part in parts if part)
-
-
-def _frame(rows: list[Row]) -> pd.DataFrame:
-    table = pd.DataFrame(rows, columns=list(COLUMNS[:-1]))
-    return table.astype({"mean": float, "low": float, "high": float, "n": int})
+    return rate_row(method, setting, metric, int(hits.sum()), len(hits))

@@ -11,11 +11,11 @@ import yaml  # type: ignore[import-untyped]
 
 from p2l.artifacts import load_arrays, load_json, load_table
 from p2l.contracts.domain import Domain
+from p2l.domains.table import make_domain
 from p2l.errors import ArtifactError
 from p2l.evaluation.sheets import load_sheet
 from p2l.evaluation.thesis import Thesis, load_thesis
 from p2l.records import TransferData
-from p2l.registry import get_domain
 
 if TYPE_CHECKING:
     from p2l.transfer.model import TransferModel
@@ -144,7 +144,7 @@ class Sources:
     def world(self, domain: str) -> Domain:
         """The task distribution, as the data were collected."""
         chosen = self.config("collect", domain)["domain"]
-        return get_domain(chosen["name"], chosen["params"])
+        return make_domain(chosen.get("target", chosen["name"]), chosen["params"])
 
     def model(self, domain: str) -> TransferModel:
         """The fitted predictor."""

@@ -1,8 +1,6 @@
 """The tables and the figures' data of chapter 3, as long tables beside the thesis's numbers.
 
-Every table has the columns `COLUMNS`. `mean` with `low` and `high` is a mean over `n` task sets and its 95 % t interval
-(empty limits: one sample, or a quantity without an interval); `thesis` is its number, empty where it gives none.
-A `setting` is `name=value` pairs joined by `;`.
+Columns are those of `evaluation.rows`; limits are 95 % t intervals of a mean over `n` task sets.
 """
 
 from __future__ import annotations
@@ -13,26 +11,25 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from p2l.evaluation.rows import COLUMNS, Row, interval_row, single_row, table_of
 from p2l.evaluation.statistics import Interval, paired_difference, t_interval
 from p2l.evaluation.thesis import Thesis
 from p2l.records import Array
 
-COLUMNS = ("method", "setting", "metric", "mean", "low", "high", "n", "thesis")
 HIGH, LOW = "high_teaching", "low_teaching"
 COUNTS = ("demos", "delegated", "failures")
 BOARD_METRICS = ("demos", "delegated", "attempts", "failures", "predicted_cost", "executed_cost")
-Row = tuple[str, str, str, float, float, float, int]
 
 
 def table_3_1(results: pd.DataFrame, thesis: Thesis) -> pd.DataFrame:
     """Each order of the board: what ADL decides and what it costs, and the same with the true transfer matrix."""
     mine = results[results["method"].isin(["adl", "adl_true"])].sort_values(["method", "set"])
     rows = [
-        _single(case["method"], f"order={case['set'] + 1}", metric, case[metric])
+        single_row(case["method"], f"order={case['set'] + 1}", metric, case[metric])
         for case in mine.to_dict("records")
         for metric in BOARD_METRICS
     ]
-    return thesis.beside(_frame(rows), "table_3_1")
+    return thesis.beside(table_of(rows), "table_3_1")
 
 
 def table_3_2(results: pd.DataFrame, thesis: Thesis) -> pd.DataFrame:
@@ -43,13 +40,13 @@ def table_3_2(results: pd.DataFrame, thesis: Thesis) -> pd.DataFrame:
     for method, group in values.items():
         for metric in ("executed_cost", "predicted_cost", *COUNTS):
             sample = group[metric].to_numpy(dtype=float)
-            rows.append(_row(method, "pretrained=0", metric, t_interval(sample)))
+            rows.append(interval_row(method, "pretrained=0", metric, t_interval(sample)))
             spread = float(np.std(sample, ddof=1)) if len(sample) > 1 else np.nan
-            rows.append((method, "pretrained=0", f"{metric}_sd", spread, np.nan, np.nan, len(sample)))
+            rows.append(single_row(method, "pretrained=0", f"{metric}_sd", spread, len(sample)))
         if method != "adl" and "adl" in values:
             percent = percent_over(group["executed_cost"].to_numpy(), values["adl"]["executed_cost"].to_numpy())
-            rows.append(_row(method, "pretrained=0", "percent_over_adl", percent))
-    return thesis.beside(_frame(rows), "table_3_2")
+            rows.append(interval_row(method, "pretrained=0", "percent_over_adl", percent))
+    return thesis.beside(table_of(rows), "table_3_2")
 
 
 def percent_over(cost: Array, base: Array) -> Interval:
@@ -64,7 +61,7 @@ def figure_3_7(summary: pd.DataFrame, thetas: Mapping[str, float], thesis: Thesi
     """Costs and counts against the number of pre-trained skills where teaching is costly; setting `pretrained=l`."""
     mine = summary[summary["regime"] == HIGH]
     table = _of_summary(mine, [f"pretrained={level}" for level in mine["level"]])
-    chosen = _frame([_single("cba_best", "", "theta", thetas[HIGH])] if HIGH in thetas else [])
+    chosen = table_of([single_row("cba_best", "", "theta", thetas[HIGH])] if HIGH in thetas else [])
     return thesis.beside(_stack([table, chosen]), "figure_3_7")
 
 
@@ -91,7 +88,7 @@ def transfer_scores(scores: Iterable[Mapping[str, Any]], domain: str, thesis: Th
         mean, low, high = (np.nan if score[name] is None else float(score[name]) for name in ("mean", "low", "high"))
         setting = f"domain={domain};pairs={score['pairs']}"
         rows.append((str(score["method"]), setting, str(score["metric"]), mean, low, high, int(score["n"])))
-    return thesis.beside(_frame(rows), "transfer_model")
+    return thesis.beside(table_of(rows), "transfer_model")
 
 
 def walls(collected: Mapping[str, Any], domain: str, thesis: Thesis) -> pd.DataFrame:
@@ -102,7 +99,7 @@ def walls(collected: Mapping[str, Any], domain: str, thesis: Thesis) -> pd.DataF
         for setting, key in names.items()
         if (rate := collected.get(key)) is not None
     ]
-    return thesis.beside(_frame(rows), "walls")
+    return thesis.beside(table_of(rows), "walls")
 
 
 def _differences(results: pd.DataFrame, domain: str, method: str, name: str, kinds: tuple[str, ...]) -> pd.DataFrame:
@@ -112,8 +109,10 @@ def _differences(results: pd.DataFrame, domain: str, method: str, name: str, kin
         ours, other = (group[group["method"] == one].sort_values("set") for one in ("adl", method))
         for kind in kinds:
             found = paired_difference(ours[f"{kind}_cost"].to_numpy(), other[f"{kind}_cost"].to_numpy())
-            rows.append(_row(method, f"domain={domain};regime={regime};pretrained={level}", f"{kind}_{name}", found))
-    return _frame(rows)
+            rows.append(
+                interval_row(method, f"domain={domain};regime={regime};pretrained={level}", f"{kind}_{name}", found)
+            )
+    return table_of(rows)
 
 
 def _of_summary(summary: pd.DataFrame, settings: list[str]) -> pd.DataFrame:
@@ -123,19 +122,6 @@ def _of_summary(summary: pd.DataFrame, settings: list[str]) -> pd.DataFrame:
 def _cases(summary: pd.DataFrame) -> list[str]:
     pairs = zip(summary["regime"], summary["level"], strict=True)
     return [f"regime={regime};pretrained={level}" for regime, level in pairs]
-
-
-def _row(method: str, setting: str, metric: str, found: Interval) -> Row:
-    return method, setting, metric, float(found.mean), float(found.low), float(found.high), found.n
-
-
-def _single(method: str, setting: str, metric: str, value: float) -> Row:
-    return method, setting, metric, float(value), np.nan, np.nan, 1
-
-
-def _frame(rows: list[Row]) -> pd.DataFrame:
-    table = pd.DataFrame(rows, columns=list(COLUMNS[:-1]))
-    return table.astype({"mean": float, "low": float, "high": float, "n": int})
 
 
 def _stack(tables: list[pd.DataFrame]) -> pd.DataFrame:

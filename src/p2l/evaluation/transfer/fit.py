@@ -18,7 +18,7 @@ from p2l.evaluation.statistics import resample_weights, wilson_interval
 from p2l.records import Array, IntArray, TransferData
 from p2l.transfer import baselines, calibration
 from p2l.transfer.calibration import Platt
-from p2l.transfer.fitting import Split
+from p2l.transfer.fitting import TaskSplit
 from p2l.transfer.model import TransferModel
 
 SCORES: dict[str, Callable[..., Array]] = {
@@ -51,7 +51,7 @@ class Judged:
     tested: IntArray
 
 
-def judge(data: TransferData, model: TransferModel, split: Split) -> list[Judged]:
+def judge(data: TransferData, model: TransferModel, split: TaskSplit) -> list[Judged]:
     """Predictions of the model, without and with its correction, and of the baselines on held-out pairs."""
     raw = replace(model, platt=Platt())
     columns = np.flatnonzero(split.held_out)

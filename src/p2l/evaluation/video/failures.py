@@ -7,10 +7,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from p2l.artifacts import save_json
-from p2l.contracts.option import Option
+from p2l.contracts.rows import Rows
 from p2l.contracts.world import World
 from p2l.evaluation.video.player import NoGLError, VideoOptions, play
-from p2l.failures.discovery import replay
 from p2l.failures.record import Failures
 
 log = logging.getLogger(__name__)
@@ -18,7 +17,7 @@ INDEX = "videos.json"
 
 
 def film(
-    folder: Path, names: Sequence[str], world: World, options: Sequence[Option], failures: Failures, video: VideoOptions
+    folder: Path, names: Sequence[str], world: World, failures: Failures, ways: Sequence[Rows], video: VideoOptions
 ) -> None:
     """Write `<name>.mp4` of the way to each failure, and `videos.json`; without a GL only the latter, with the reason.
 
@@ -26,13 +25,11 @@ def film(
         folder: emptied of videos first.
         names: of the files, one per failure.
         world: of the failures.
-        options: its nominal chain.
         failures: what to film.
+        ways: the way to each, see `p2l.failures.discovery.replay`.
         video: how.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    for old in folder.glob("*.mp4"):
-        old.unlink()
+    empty_folder(folder)
     shown = [
         {"file": f"{name}.mp4", "option": option, "kind": kind, "episode": int(episode), "time_s": float(time_s)}
         for name, option, kind, episode, time_s in zip(
@@ -41,7 +38,7 @@ def film(
     ]
     try:
         files = [folder / f"{name}.mp4" for name in names]
-        play(world, replay(world, options, failures), files, video, failed=True)
+        play(world, ways, files, video, failed=True)
     except NoGLError as error:
         log.warning("%s", error)
         skip(folder, str(error))
@@ -49,7 +46,14 @@ def film(
         save_json(folder / INDEX, {"videos": shown, "skipped": None}, schema="videos", version=1)
 
 
+def empty_folder(folder: Path) -> None:
+    """Make the folder, without the videos of an earlier run."""
+    folder.mkdir(parents=True, exist_ok=True)
+    for old in folder.glob("*.mp4"):
+        old.unlink()
+
+
 def skip(folder: Path, reason: str) -> None:
     """Note that there are no videos, and why."""
-    folder.mkdir(parents=True, exist_ok=True)
+    empty_folder(folder)
     save_json(folder / INDEX, {"videos": [], "skipped": reason}, schema="videos", version=1)

@@ -8,7 +8,6 @@ Axis letters: T control steps, F frames, H and W pixels.
 
 from __future__ import annotations
 
-import copy
 import functools
 import importlib
 import os
@@ -18,17 +17,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import mujoco
 import numpy as np
 import numpy.typing as npt
 
 from p2l.artifacts import atomic
-from p2l.contracts.world import Rows, View, World
+from p2l.contracts.rows import Rows
+from p2l.contracts.world import View, World
 from p2l.errors import P2LError
 from p2l.records import Array
-from p2l.sim.model import TARGET_BODY
+
+if TYPE_CHECKING:
+    from p2l.sim.drawer import Drawer
 
 Frames = npt.NDArray[np.uint8]
 BACKENDS = ("egl", "osmesa")
@@ -110,8 +111,7 @@ class Camera:
         self.world, self.options, self.view = world, options, view or world.view
         self._context: Any = importlib.import_module(f"mujoco.{name}").GLContext(options.width, options.height)
         self._context.make_current()
-        self._rect = mujoco.MjrRect(0, 0, options.width, options.height)
-        self._drawers: dict[int, _Drawer] = {}
+        self._drawers: dict[int, Drawer] = {}
 
     def __enter__(self) -> Camera:
         return self
@@ -124,7 +124,7 @@ class Camera:
     def close(self) -> None:
         """Give the GL context back."""
         for drawer in self._drawers.values():
-            drawer.target.free()
+            drawer.close()
         self._drawers.clear()
         self._context.free()
 
@@ -142,50 +142,13 @@ class Camera:
         return np.stack(frames + [frames[-1]] * round(self.options.hold_s * fps)), fps
 
     def _draw(self, state: Array, model: int, lookat: Array) -> Frames:
+        from p2l.sim.drawer import Drawer  # tables and figures of finished runs load no simulator
+
         if model not in self._drawers:
-            self._drawers[model] = _Drawer(self.world, model, self.options.samples)
-        drawer = self._drawers[model]
-        drawer.pose(state)
-        camera = mujoco.MjvCamera()
-        camera.lookat[:] = lookat
-        camera.azimuth, camera.elevation = self.view.azimuth_deg, self.view.elevation_deg
-        camera.distance = self.view.distance_m
-        every = mujoco.mjtCatBit.mjCAT_ALL.value
-        mujoco.mjv_updateScene(drawer.model, drawer.data, drawer.shown, None, camera, every, drawer.scene)
-        mujoco.mjr_render(self._rect, drawer.scene, drawer.target)
-        pixels = np.empty((self.options.height, self.options.width, 3), dtype=np.uint8)
-        mujoco.mjr_readPixels(pixels, None, self._rect, drawer.target)
-        return pixels[::-1]
-
-
-class _Drawer:
-    """One model of a world with what the GL needs of it."""
-
-    def __init__(self, world: World, model: int, samples: int) -> None:
-        self._engine = world.engine
-        self.model = copy.copy(world.drawn(model))
-        self.model.vis.quality.shadowsize = 1024
-        self.model.vis.quality.offsamples = samples
-        self.data = mujoco.MjData(self.model)
-        self.shown = mujoco.MjvOption()
-        self.shown.geomgroup[:] = 0
-        # robosuite's collision geoms are group 0 and would be drawn over the visual ones, which are group 1.
-        self.shown.geomgroup[1 if (self.model.geom_group == 1).any() else 0] = 1
-        self.shown.sitegroup[:] = 0
-        self.scene = mujoco.MjvScene(self.model, maxgeom=2000)
-        self.target = mujoco.MjrContext(self.model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
-        mujoco.mjr_setBuffer(mujoco.mjtFramebuffer.mjFB_OFFSCREEN.value, self.target)
-
-    def pose(self, state: Array) -> None:
-        """Put the model where a row of the engine has it."""
-        engine, size = self._engine, self._engine.physics_size
-        mujoco.mj_setState(self.model, self.data, state[:size], mujoco.mjtState.mjSTATE_FULLPHYSICS)
-        for place, name in enumerate((TARGET_BODY, *engine.furniture)):
-            mocap = int(self.model.body(name).mocapid[0])
-            pose = state[size + 7 * place : size + 7 * place + 7]
-            self.data.mocap_pos[mocap], self.data.mocap_quat[mocap] = pose[:3], pose[3:]
-        mujoco.mj_kinematics(self.model, self.data)
-        mujoco.mj_camlight(self.model, self.data)
+            size = self.options.width, self.options.height
+            self._drawers[model] = Drawer(self.world.engine, self.world.drawn(model), *size, self.options.samples)
+        view = self.view
+        return self._drawers[model].draw(state, lookat, view.azimuth_deg, view.elevation_deg, view.distance_m)
 
 
 def save_video(path: Path | str, frames: Frames, fps: float) -> None:

@@ -10,7 +10,7 @@ import math
 
 import numpy as np
 
-from p2l.metareskill.choosers.choose import Choice, Rule, best_of, check_number
+from p2l.metareskill.choosers.contract import Choice, Rule, best_of, check_number
 from p2l.metareskill.graph import SkillGraph
 from p2l.metareskill.history import History
 from p2l.metareskill.value_iteration import value_of_failures

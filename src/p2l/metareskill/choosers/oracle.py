@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from p2l.errors import ConfigError
-from p2l.metareskill.choosers.choose import Choice, Rule, check_number, least_trained
+from p2l.metareskill.choosers.contract import Choice, Rule, check_number, least_trained
 from p2l.metareskill.graph import SkillGraph
 from p2l.metareskill.history import History
 from p2l.metareskill.value_iteration import recovery_values, value_iteration

@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 
-from p2l.metareskill.choosers.choose import Choice, Rule, best_of, check_number, least_trained
+from p2l.metareskill.choosers.contract import Choice, Rule, best_of, check_number, least_trained
 from p2l.metareskill.graph import SkillGraph
 from p2l.metareskill.history import History
 from p2l.metareskill.improvement import improvement

@@ -15,7 +15,7 @@ import numpy as np
 
 from p2l.failures.classifier import save_modes
 from p2l.failures.record import SPLITS, Failures, Origin, save_failures
-from p2l.metareskill.choosers.choose import Chooser
+from p2l.metareskill.choosers.contract import Chooser
 from p2l.metareskill.graph import SkillGraph
 from p2l.metareskill.history import History
 from p2l.metareskill.learn import Setting, train_recoveries

@@ -20,7 +20,8 @@ import numpy as np
 import numpy.typing as npt
 
 from p2l.contracts.option import Option
-from p2l.contracts.world import NO_FAILURE, Rows
+from p2l.contracts.rows import Rows
+from p2l.contracts.world import NO_FAILURE
 from p2l.failures.classifier import ModeClassifier
 from p2l.failures.clustering import Clustering, ClusterOptions, cluster
 from p2l.failures.record import STRANDED, Failures, Origin
@@ -29,7 +30,7 @@ from p2l.metareskill.history import History
 from p2l.metareskill.learn import Setting
 from p2l.metareskill.record import Recoveries
 from p2l.metareskill.strategies import playbook
-from p2l.metareskill.target import Task
+from p2l.metareskill.target import RecoveryTask
 from p2l.metareskill.train import Members
 from p2l.records import IntArray
 from p2l.skills.chain import Execution, run
@@ -46,7 +47,7 @@ class Field:
         slots: episodes at once.
     """
 
-    task: Task
+    task: RecoveryTask
     nominal: tuple[Option, ...]
     max_options: int
     slots: int
@@ -102,7 +103,7 @@ def lost(field: Field, starts: Rows, execution: Execution, first: Origin, split:
     )
 
 
-def group(task: Task, train: Failures, held_out: Failures, max_modes: int, seed: int) -> Clustering | None:
+def group(task: RecoveryTask, train: Failures, held_out: Failures, max_modes: int, seed: int) -> Clustering | None:
     """Modes of new failures, each with a held-out one; None where there is nothing to learn from or to measure on."""
     limit = min(max_modes, len(train))
     if not len(held_out):

@@ -1,1 +1,54 @@
-"""The large-scale route: facility location by bounds, search and branching (thesis, theorem 3.4.1)."""
+"""The large-scale route: facility location by bounds, search and branching (thesis, theorem 3.4.1).
+
+This is the room's door: others import from here, not from the modules inside. What needs numba or HiGHS is imported
+when it is first asked for, so importing the room costs nothing.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from p2l.team.facility.location import solve_facility_location
+from p2l.team.facility.orlib import read_instance
+from p2l.team.facility.pairs import Pairs, PairsSolution, of_table
+from p2l.team.facility.reduction import lesson_costs, of_problem
+
+if TYPE_CHECKING:
+    from p2l.team.facility.greedy import greedy_solution, guarantee
+    from p2l.team.facility.program import ProgramSolution, relaxation, solve_program
+    from p2l.team.facility.solve import dual_ascent_solution, load_kernels, solve_pairs
+
+__all__ = [
+    "Pairs",
+    "PairsSolution",
+    "ProgramSolution",
+    "dual_ascent_solution",
+    "greedy_solution",
+    "guarantee",
+    "lesson_costs",
+    "load_kernels",
+    "of_problem",
+    "of_table",
+    "read_instance",
+    "relaxation",
+    "solve_facility_location",
+    "solve_pairs",
+    "solve_program",
+]
+
+
+def __getattr__(name: str) -> Any:
+    """What is imported on first use; as statements, since `p2l.closure` reads what a stage depends on from them."""
+    if name in ("ProgramSolution", "relaxation", "solve_program"):
+        from p2l.team.facility import program
+
+        return getattr(program, name)
+    if name in ("greedy_solution", "guarantee"):
+        from p2l.team.facility import greedy
+
+        return getattr(greedy, name)
+    if name in ("dual_ascent_solution", "load_kernels", "solve_pairs"):
+        from p2l.team.facility import solve
+
+        return getattr(solve, name)
+    raise AttributeError(f"module '{__name__}' has no attribute '{name}'")

@@ -53,7 +53,7 @@ class Search(NamedTuple):
     open: BoolArray
     upper: float
     lower: float
-    finished: bool
+    complete: bool
 
 
 class Node(NamedTuple):
@@ -73,14 +73,14 @@ class Frontier:
     heap: list[Node] = field(default_factory=list)
     stack: list[Node] = field(default_factory=list)
     serial: int = 0
-    held: int = 0
+    memory: int = 0
 
-    def push(self, bound: float, multipliers: Array, core: Core, shared: int) -> None:
-        """Add a node; `shared` bytes are held by it and its sibling together."""
-        node = Node(bound, self.serial, multipliers, core, core.state.nbytes + shared // 2)
+    def push(self, bound: float, multipliers: Array, core: Core, shared_bytes: int) -> None:
+        """Add a node; `shared_bytes` are what it and its sibling hold together."""
+        node = Node(bound, self.serial, multipliers, core, core.state.nbytes + shared_bytes // 2)
         self.serial += 1
-        self.held += node.size
-        if self.held > _MEMORY:
+        self.memory += node.size
+        if self.memory > _MEMORY:
             self.stack.append(node)
         else:
             heapq.heappush(self.heap, node)
@@ -88,7 +88,7 @@ class Frontier:
     def pop(self) -> Node:
         """Remove the node to look at next."""
         node = self.stack.pop() if self.stack else heapq.heappop(self.heap)
-        self.held -= node.size
+        self.memory -= node.size
         return node
 
     def lowest(self, otherwise: float) -> float:
@@ -105,28 +105,28 @@ class Incumbent(NamedTuple):
     open: BoolArray
     upper: float
 
-    def or_better(self, root: Core, node: Core, opened: BoolArray) -> Incumbent:
+    def or_better(self, root: Core, node: Core, open_set: BoolArray) -> Incumbent:
         """The cheaper of this plan and an open set in a node's indices."""
         trial = np.zeros_like(self.open)
-        trial[np.searchsorted(root.origin, node.origin[opened])] = True
+        trial[np.searchsorted(root.origin, node.origin[open_set])] = True
         cost = float(open_cost(root.pairs, trial))
         return Incumbent(trial, cost) if cost < self.upper else self
 
 
 def branch_and_bound(
-    root: Core, bound: Bound, opened: BoolArray, upper: float, target: Target, deadline: float
+    root: Core, bound: Bound, open_set: BoolArray, upper: float, target: Target, deadline: float
 ) -> Search:
     """Search a core for a plan better than `upper`, until proven or until the deadline.
 
     Args:
         root: what is left to decide.
         bound: its bound.
-        opened: [F] the known plan, in the core's indices.
+        open_set: [F] the best plan so far, in the core's indices.
         upper: its cost.
         target: when a bound is good enough.
         deadline: of `time.perf_counter`.
     """
-    best = Incumbent(opened, upper)
+    best = Incumbent(open_set, upper)
     frontier = Frontier()
     frontier.push(bound.value, bound.multipliers, root, 0)
     nodes = 0
@@ -137,45 +137,45 @@ def branch_and_bound(
         cutoff = target.cutoff(best.upper)
         if node.bound >= cutoff:
             continue
-        found = raise_bound(node.core.pairs, node.core.state, node.multipliers, cutoff, _ITERATIONS)
+        node_bound = raise_bound(node.core.pairs, node.core.state, node.multipliers, cutoff, _ITERATIONS)
         if nodes < _ROUNDED_NODES or nodes % 10 == 0:
-            best = best.or_better(root, node.core, _rounded(node.core, found))
+            best = best.or_better(root, node.core, _rounding(node.core, node_bound))
         nodes += 1
         cutoff = target.cutoff(best.upper)
-        if max(node.bound, found.value) < cutoff:
-            best = _split(root, node, found, cutoff, frontier, best)
+        if max(node.bound, node_bound.value) < cutoff:
+            best = _split(root, node, node_bound, cutoff, frontier, best)
     return Search(
         best.open, best.upper, max(bound.value, target.cutoff(best.upper)) if target.gap else best.upper, True
     )
 
 
-def _rounded(core: Core, found: Bound) -> BoolArray:
-    trial = ((found.share > 0.5) & (core.state != CLOSED)) | (core.state == OPEN)
-    return descend(core.pairs, columns_of(core.pairs), trial, found.share > 0.005)
+def _rounding(core: Core, bound: Bound) -> BoolArray:
+    trial = ((bound.share > 0.5) & (core.state != CLOSED)) | (core.state == OPEN)
+    return descend(core.pairs, columns_of(core.pairs), trial, bound.share > 0.005)
 
 
-def _split(root: Core, node: Node, found: Bound, cutoff: float, frontier: Frontier, best: Incumbent) -> Incumbent:
+def _split(root: Core, node: Node, bound: Bound, cutoff: float, frontier: Frontier, best: Incumbent) -> Incumbent:
     """Push the children of a node; a node without free facilities is a plan."""
-    gap = cutoff - found.value
-    core = node.core._replace(state=fix(node.core.state, found, gap))
-    shared = found.multipliers.nbytes
+    gap = cutoff - bound.value
+    core = node.core._replace(state=fix(node.core.state, bound, gap))
+    shared_bytes = bound.multipliers.nbytes
     if len(core.pairs.cost) > _WORTH_SHRINKING:
-        smaller, seen = shrink(core, found, gap, np.zeros(core.pairs.facilities, dtype=bool))
+        smaller, smaller_bound = shrink(core, bound, gap, np.zeros(core.pairs.facilities, dtype=bool))
         if len(smaller.pairs.cost) < 0.6 * len(core.pairs.cost):
-            core, found, shared = smaller, seen, shared + 12 * len(smaller.pairs.cost)
+            core, bound, shared_bytes = smaller, smaller_bound, shared_bytes + 12 * len(smaller.pairs.cost)
     free = np.flatnonzero(core.state == FREE)
     if not free.size:
         return best.or_better(root, core, core.state == OPEN)
-    chosen = _branching(free, found)
+    facility = _branching(free, bound)
     for side in (OPEN, CLOSED):
         state = core.state.copy()
-        state[chosen] = side
-        implied = max(node.bound, found.value + max(0.0, float(found.reduced[chosen]) * side))
-        if implied < cutoff:
-            frontier.push(implied, found.multipliers, core._replace(state=state), shared)
+        state[facility] = side
+        child_bound = max(node.bound, bound.value + max(0.0, float(bound.reduced_cost[facility]) * side))
+        if child_bound < cutoff:
+            frontier.push(child_bound, bound.multipliers, core._replace(state=state), shared_bytes)
     return best
 
 
-def _branching(free: IntArray, found: Bound) -> int:
+def _branching(free: IntArray, bound: Bound) -> int:
     """The free facility that the relaxation is least sure about."""
-    return int(free[np.abs(found.share[free] - 0.5).argmin()])
+    return int(free[np.abs(bound.share[free] - 0.5).argmin()])

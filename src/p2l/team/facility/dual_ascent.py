@@ -52,13 +52,13 @@ def _lift(pairs, i, v, slack, front):
     """Raise v_i to its next cost level or until a slack is used up; True when it may rise again."""
     row_end = pairs.start[i + 1]
     target = pairs.cost[front[i]] if front[i] < row_end else pairs.outside[i]
-    room, blocked = target - v[i], False
+    room, tight = target - v[i], False
     for z in range(pairs.start[i], front[i]):
         if slack[pairs.facility[z]] <= room:
-            room, blocked = slack[pairs.facility[z]], True
+            room, tight = slack[pairs.facility[z]], True
     for z in range(pairs.start[i], front[i]):
         slack[pairs.facility[z]] -= room
-    if blocked:
+    if tight:
         v[i] += room
         return False
     v[i] = target
@@ -74,23 +74,23 @@ def _raise(pairs, v):
     active = np.arange(v.size)
     count = active.size
     while count > 0:
-        kept = 0
+        rest = 0
         for k in range(count):
             i = active[k]
             if _lift(pairs, i, v, slack, front):
-                active[kept] = i
-                kept += 1
-        count = kept
+                active[rest] = i
+                rest += 1
+        count = rest
     return slack
 
 
 @nb.njit(cache=True)
 def _suggest(pairs, v, slack):
     """Tight facilities that some demand needs: first those it has no other choice than, then its cheapest."""
-    opened = np.zeros(slack.size, dtype=np.bool_)
+    is_open = np.zeros(slack.size, dtype=np.bool_)
     for only_choice in (True, False):
         for i in range(v.size):
-            cheapest, count, served = -1, 0, False
+            cheapest, count, has_service = -1, 0, False
             for z in range(pairs.start[i], pairs.start[i + 1]):
                 if pairs.cost[z] > v[i]:
                     break
@@ -98,7 +98,7 @@ def _suggest(pairs, v, slack):
                 if slack[j] <= 1e-9 * pairs.opening[j]:
                     count += 1
                     cheapest = j if cheapest < 0 else cheapest
-                    served = served or opened[j]
-            if not served and cheapest >= 0 and (count == 1 or not only_choice):
-                opened[cheapest] = True
-    return opened
+                    has_service = has_service or is_open[j]
+            if not has_service and cheapest >= 0 and (count == 1 or not only_choice):
+                is_open[cheapest] = True
+    return is_open

@@ -1,4 +1,4 @@
-"""Reduced-cost fixing: what no plan better than the known one can contain is removed.
+"""Reduced-cost fixing: what no plan better than the incumbent can contain is removed.
 
 With a bound L(v) and a plan of cost U, a facility whose reduced cost exceeds U - L(v) is closed in every better plan,
 one below -(U - L(v)) is open, and a pair is unused when opening its facility and overpaying its demand's price would
@@ -37,33 +37,33 @@ def whole(pairs: Pairs) -> Core:
 
 def fix(state: State, bound: Bound, gap: float) -> State:
     """[F] the state after fixing free facilities by their reduced costs; `gap` = U - L(v)."""
-    fixed = state.copy()
+    after = state.copy()
     free = state == FREE
-    fixed[free & (bound.reduced > gap)] = CLOSED
-    fixed[free & (bound.reduced < -gap)] = OPEN
-    return fixed
+    after[free & (bound.reduced_cost > gap)] = CLOSED
+    after[free & (bound.reduced_cost < -gap)] = OPEN
+    return after
 
 
 def shrink(core: Core, bound: Bound, gap: float, keep: BoolArray) -> tuple[Core, Bound]:
     """The core without the facilities and pairs that fixing removes, and the bound in its indices.
 
-    Facilities marked in `keep` [F] (the known plan) stay, with all their pairs.
+    Facilities marked in `keep` [F] (the incumbent) stay, with all their pairs.
     """
     pairs = core.pairs
     state = fix(core.state, bound, gap)
     stays = (state != CLOSED) | keep
-    detour = np.where(state == OPEN, 0.0, np.maximum(bound.reduced, 0.0))[pairs.facility]  # an open one is paid
+    detour = np.where(state == OPEN, 0.0, np.maximum(bound.reduced_cost, 0.0))[pairs.facility]  # an open one is paid
     detour += np.maximum(pairs.cost - np.repeat(bound.multipliers, np.diff(pairs.start)), 0.0)
     useful = ((detour <= gap) | keep[pairs.facility]) & stays[pairs.facility]
-    kept = np.flatnonzero(stays)
-    renamed = np.full(pairs.facilities, -1, dtype=np.int32)
-    renamed[kept] = np.arange(kept.size)
+    rest = np.flatnonzero(stays)
+    new_index = np.full(pairs.facilities, -1, dtype=np.int32)
+    new_index[rest] = np.arange(rest.size)
     smaller = Pairs(
-        opening=pairs.opening[kept],
+        opening=pairs.opening[rest],
         outside=pairs.outside,
         start=np.concatenate([[0], np.cumsum(useful)])[pairs.start],
-        facility=renamed[pairs.facility[useful]],
+        facility=new_index[pairs.facility[useful]],
         cost=pairs.cost[useful],
     )
-    seen = bound._replace(reduced=bound.reduced[kept], share=bound.share[kept])
-    return Core(smaller, core.origin[kept], np.maximum(state[kept], np.int8(FREE))), seen
+    smaller_bound = bound._replace(reduced_cost=bound.reduced_cost[rest], share=bound.share[rest])
+    return Core(smaller, core.origin[rest], np.maximum(state[rest], np.int8(FREE))), smaller_bound

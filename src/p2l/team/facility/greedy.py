@@ -22,50 +22,50 @@ from p2l.team.facility.pairs import Pairs
 
 
 def guarantee(demands: int) -> float:
-    """H_n, the factor within which `greedy` stays of the optimum."""
+    """H_n, the factor within which `greedy_solution` stays of the optimum."""
     return float((1.0 / np.arange(1, demands + 1)).sum())
 
 
-def greedy(pairs: Pairs) -> tuple[BoolArray, Array]:
+def greedy_solution(pairs: Pairs) -> tuple[BoolArray, Array]:
     """The open set [F] of the greedy algorithm and multipliers [D] whose sum is a lower bound."""
     columns = _by_cost(columns_of(pairs))
     opening = pairs.opening.copy()
-    unserved = np.ones(pairs.demands, dtype=np.bool_)
+    is_unserved = np.ones(pairs.demands, dtype=np.bool_)
     price = pairs.outside.copy()
     outside_first = np.argsort(pairs.outside, kind="stable")
-    heap = [(_star(columns, opening[j], unserved, j)[0], j) for j in range(pairs.facilities)]
+    heap = [(_star(columns, opening[j], is_unserved, j)[0], j) for j in range(pairs.facilities)]
     heapq.heapify(heap)
     for i in outside_first:
-        _serve_cheaper_stars(heap, columns, opening, unserved, price, float(pairs.outside[i]))
-        unserved[i] = False  # served by a star just now, or cheapest outside: its price is b_i already
-    opened = opening < 0.0
+        _serve_cheaper_stars(heap, columns, opening, is_unserved, price, float(pairs.outside[i]))
+        is_unserved[i] = False  # served by a star just now, or cheapest outside: its price is b_i already
+    open_set = opening < 0.0
     multipliers, _ = dual_ascent(pairs, price / guarantee(pairs.demands))
-    return opened, multipliers
+    return open_set, multipliers
 
 
 def _serve_cheaper_stars(
-    heap: list[tuple[float, int]], columns: Columns, opening: Array, unserved: BoolArray, price: Array, limit: float
+    heap: list[tuple[float, int]], columns: Columns, opening: Array, is_unserved: BoolArray, price: Array, limit: float
 ) -> None:
     """Serve stars below the price `limit`, cheapest first. A key is a lower bound: prices only rise as demands go."""
     while heap and heap[0][0] < limit:
         _, j = heapq.heappop(heap)
-        cost, size = _star(columns, max(0.0, opening[j]), unserved, j)
+        cost, size = _star(columns, max(0.0, opening[j]), is_unserved, j)
         if size == 0:
             continue
         if cost <= (heap[0][0] if heap else np.inf) and cost < limit:
-            _serve(columns, unserved, price, j, size, cost)
+            _serve(columns, is_unserved, price, j, size, cost)
             opening[j] = -1.0  # open: later stars of j pay service only
-            cost, size = _star(columns, 0.0, unserved, j)
+            cost, size = _star(columns, 0.0, is_unserved, j)
         if size:
             heapq.heappush(heap, (cost, j))
 
 
 @nb.njit(cache=True)
-def _star(columns, opening, unserved, j):
+def _star(columns, opening, is_unserved, j):
     """Price and size of facility j's cheapest star among the unserved demands; its column is sorted by cost."""
     total, size, best, best_size = opening, 0, np.inf, 0
     for p in range(columns.start[j], columns.start[j + 1]):
-        if not unserved[columns.demand[p]]:
+        if not is_unserved[columns.demand[p]]:
             continue
         if columns.cost[p] >= best:
             break
@@ -77,11 +77,11 @@ def _star(columns, opening, unserved, j):
 
 
 @nb.njit(cache=True)
-def _serve(columns, unserved, price, j, size, cost):
+def _serve(columns, is_unserved, price, j, size, cost):
     for p in range(columns.start[j], columns.start[j + 1]):
         i = columns.demand[p]
-        if size > 0 and unserved[i]:
-            unserved[i] = False
+        if size > 0 and is_unserved[i]:
+            is_unserved[i] = False
             price[i] = cost
             size -= 1
 

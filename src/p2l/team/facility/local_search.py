@@ -46,32 +46,32 @@ def columns_of(pairs: Pairs) -> Columns:
     return Columns(*_transpose(pairs))
 
 
-def descend(pairs: Pairs, columns: Columns, opened: BoolArray, usable: BoolArray, moves: int = 1 << 30) -> BoolArray:
+def descend(pairs: Pairs, columns: Columns, open_set: BoolArray, usable: BoolArray, moves: int = 1 << 30) -> BoolArray:
     """[F] the open set after improving moves, until none is left or `moves` were made.
 
     Args:
         pairs: the instance.
         columns: `columns_of(pairs)`.
-        opened: [F] where to begin.
+        open_set: [F] where to begin.
         usable: [F] facilities that may be inserted.
         moves: at most this many.
     """
-    result = opened.copy()
+    result = open_set.copy()
     _descend(pairs, columns, result, usable, moves, 1e-12 * float(pairs.outside.sum()))
     return result
 
 
 @nb.njit(cache=True)
-def open_cost(pairs, opened):
+def open_cost(pairs, is_open):
     """Cost of an open set [F], from scratch: opening, plus each demand at its cheapest open or outside service."""
     total = 0.0
-    for j in range(opened.size):
-        if opened[j]:
+    for j in range(is_open.size):
+        if is_open[j]:
             total += pairs.opening[j]
     for i in range(pairs.outside.size):
         best = pairs.outside[i]
         for z in range(pairs.start[i], pairs.start[i + 1]):
-            if opened[pairs.facility[z]]:
+            if is_open[pairs.facility[z]]:
                 best = pairs.cost[z]
                 break
         total += best
@@ -96,11 +96,11 @@ def _transpose(pairs):
 
 
 @nb.njit(cache=True)
-def _serve(pairs, opened, service, i):
+def _serve(pairs, is_open, service, i):
     """Find demand i's cheapest and second cheapest open service and book its share of the loss."""
     service.first[i], service.near[i], service.far[i] = -1, pairs.outside[i], np.inf
     for z in range(pairs.start[i], pairs.start[i + 1]):
-        if opened[pairs.facility[z]]:
+        if is_open[pairs.facility[z]]:
             if service.first[i] >= 0:
                 service.far[i] = pairs.cost[z]
                 break
@@ -110,18 +110,18 @@ def _serve(pairs, opened, service, i):
 
 
 @nb.njit(cache=True)
-def _reassign(pairs, columns, opened, service, j):
+def _reassign(pairs, columns, is_open, service, j):
     """Serve again every demand that a change of facility j can concern."""
     for p in range(columns.start[j], columns.start[j + 1]):
         i = columns.demand[p]
         if columns.cost[p] <= service.far[i]:
             if service.first[i] >= 0:
                 service.loss[service.first[i]] -= service.far[i] - service.near[i]
-            _serve(pairs, opened, service, i)
+            _serve(pairs, is_open, service, i)
 
 
 @nb.njit(cache=True)
-def _judge(pairs, columns, service, j, relief, touched):
+def _judge(pairs, columns, service, j, relief, rivals):
     """Saving of inserting closed facility j, and the partner (-1: none) whose drop goes best with it.
 
     `relief` [F], zero on entry and exit, collects what the newcomer takes off each open facility's loss.
@@ -134,12 +134,12 @@ def _judge(pairs, columns, service, j, relief, touched):
         k = service.first[i]
         gain += max(0.0, service.near[i] - cost)
         if k >= 0:
-            touched[count] = k
+            rivals[count] = k
             count += 1
             relief[k] += service.far[i] - max(cost, service.near[i])
     saving, partner = gain, -1
     for c in range(count):
-        k = touched[c]
+        k = rivals[c]
         if relief[k] > 0.0:
             swap = gain + pairs.opening[k] - service.loss[k] + relief[k]
             if swap > saving:
@@ -149,26 +149,26 @@ def _judge(pairs, columns, service, j, relief, touched):
 
 
 @nb.njit(cache=True)
-def _descend(pairs, columns, opened, usable, moves, threshold):
-    demands, facilities = pairs.outside.size, opened.size
+def _descend(pairs, columns, is_open, usable, moves, threshold):
+    demands, facilities = pairs.outside.size, is_open.size
     service = Service(np.empty(demands, np.int64), np.empty(demands), np.empty(demands), np.zeros(facilities))
     for i in range(demands):
-        _serve(pairs, opened, service, i)
-    relief, touched = np.zeros(facilities), np.empty(demands, dtype=np.int64)
-    made, since, j = 0, 0, 0
-    while since < facilities and made < moves:
+        _serve(pairs, is_open, service, i)
+    relief, rivals = np.zeros(facilities), np.empty(demands, dtype=np.int64)
+    count, since, j = 0, 0, 0
+    while since < facilities and count < moves:
         saving, partner = 0.0, -1
-        if opened[j]:
+        if is_open[j]:
             saving = pairs.opening[j] - service.loss[j]
         elif usable[j]:
-            saving, partner = _judge(pairs, columns, service, j, relief, touched)
+            saving, partner = _judge(pairs, columns, service, j, relief, rivals)
         since += 1
         if saving > threshold:
-            opened[j] = not opened[j]
-            _reassign(pairs, columns, opened, service, j)
+            is_open[j] = not is_open[j]
+            _reassign(pairs, columns, is_open, service, j)
             if partner >= 0:
-                opened[partner] = False
-                _reassign(pairs, columns, opened, service, partner)
-            made, since = made + 1, 0
+                is_open[partner] = False
+                _reassign(pairs, columns, is_open, service, partner)
+            count, since = count + 1, 0
         j = j + 1 if j + 1 < facilities else 0
-    return made
+    return count

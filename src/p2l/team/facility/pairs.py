@@ -1,8 +1,8 @@
-"""Useful pairs: the only part of the transfer table that a plan can use.
+"""Useful pairs: a facility location instance without the services that no solution pays for.
 
-Delegation and the pre-trained skills fold into one outside option per task, b_i = min(c_hum, c_rob + (1 - ρ_0) c_fail).
-A lesson matters to a task only where it is cheaper than that. What is left is stored by demand (compressed rows),
-each row sorted by cost, so that a bound reads only the front of a row.
+Every demand has an outside option; a facility matters to it only where it is cheaper than that. What is left is stored
+by demand (compressed rows), each row sorted by cost, so that a bound reads only the front of a row. `of_table` takes a
+plain instance, `p2l.team.facility.reduction.of_problem` a team problem.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from p2l.records import Array, BoolArray, IntArray
-from p2l.team.problem import Problem, Status
+from p2l.team.problem import Status
 
 _BLOCK = 4_000_000  # entries of the dense table that are looked at together
 
@@ -53,7 +53,7 @@ class Pairs(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Answer:
+class PairsSolution:
     """What a solver says of `Pairs`: best open set [F], its cost, a proven bound, how it ended, multipliers [D].
 
     `lower_bound` may come from the branch and bound tree; `multipliers` prove the part of it that one L(v) can.
@@ -64,25 +64,6 @@ class Answer:
     lower_bound: float
     status: Status
     multipliers: Array
-
-
-def of_problem(problem: Problem) -> Pairs:
-    """The useful pairs of a team problem: demand and facility i are task i and its lesson, which serves it at 0."""
-    outside = problem.outside
-    n = problem.n
-    columns = np.arange(n)
-
-    def block(low: int, high: int) -> tuple[Array, BoolArray]:
-        fail = problem.c_fail[low:high, None]
-        cost = problem.c_rob[low:high, None] + (1.0 - problem.transfer[:, low:high].T) * fail
-        own = np.arange(high - low)
-        cost[own, low + own] = 0.0
-        useful = cost < outside[low:high, None]
-        if problem.order == "fixed":
-            useful &= columns[None, :] <= np.arange(low, high)[:, None]
-        return cost, useful
-
-    return _collect(problem.c_demo.copy(), outside, block)
 
 
 def of_table(opening_cost: Array, service_cost: Array) -> Pairs:
@@ -98,12 +79,12 @@ def of_table(opening_cost: Array, service_cost: Array) -> Pairs:
         cost = service_cost[low:high]
         return cost, cost < outside[low:high, None]
 
-    return _collect(np.array(opening_cost), outside, block)
+    return collect(np.array(opening_cost), outside, block)
 
 
-def open_for_outside(opening_cost: Array, service_cost: Array, opened: BoolArray) -> BoolArray:
+def open_for_outside(opening_cost: Array, service_cost: Array, open_set: BoolArray) -> BoolArray:
     """[F] the open set in which every demand that opening its own cheapest facility would serve better has it."""
-    complete = opened.copy()
+    complete = open_set.copy()
     for i in range(len(service_cost)):
         alone = service_cost[i] + opening_cost
         j = int(alone.argmin())
@@ -112,7 +93,14 @@ def open_for_outside(opening_cost: Array, service_cost: Array, opened: BoolArray
     return complete
 
 
-def _collect(opening: Array, outside: Array, block: Callable[[int, int], tuple[Array, BoolArray]]) -> Pairs:
+def collect(opening: Array, outside: Array, block: Callable[[int, int], tuple[Array, BoolArray]]) -> Pairs:
+    """Pairs from the dense table of service costs, block by block of its rows, so that it is never held whole.
+
+    Args:
+        opening: [F].
+        outside: [D].
+        block: service costs [high - low, F] of the demands from `low` to before `high`, and which of them are useful.
+    """
     demands, width = len(outside), max(1, len(opening))
     step = max(1, _BLOCK // width)
     counts, facility, cost = [np.zeros(1, dtype=np.int64)], [], []
@@ -138,7 +126,7 @@ def _sorted_rows(table: Array, useful: BoolArray) -> tuple[IntArray, Array, IntA
         value = table[row, column]
         by_cost = np.lexsort((value, row))
         return column[by_cost], value[by_cost], count
-    ranked = np.where(useful, table, np.inf)
-    column = ranked.argsort(axis=1)
+    value = np.where(useful, table, np.inf)
+    column = value.argsort(axis=1)
     front = np.arange(table.shape[1]) < count[:, None]
-    return column[front], np.take_along_axis(ranked, column, axis=1)[front], count
+    return column[front], np.take_along_axis(value, column, axis=1)[front], count

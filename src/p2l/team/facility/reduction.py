@@ -1,76 +1,56 @@
-"""Theorem 3.4.1: an Act, Delegate or Learn problem is an uncapacitated facility location problem, and back.
+"""Theorem 3.4.1: an Act, Delegate or Learn problem is an uncapacitated facility location problem.
+
+Every task is a demand and the lesson on it a facility, opened for c_demo. The open facilities of a solution are the
+lessons of a plan; `p2l.team.outcome.decide` gives every other task its best, which completes the way back.
 
 Deviations from the thesis's proof:
 1. The pre-trained skills are one more facility, open for free; without it an untaught, undelegated task could only be
-   served at the big M. Hence 2n + 1 facilities.
-2. The facility of a lesson serves its own task at 0, since the demonstration completes it (equation 3.1).
-3. With a free order (section 6.2.1) a lesson serves every task, not only the subsequent ones.
-4. M exceeds every cost of the instance, so it is never paid: the pre-trained facility is cheaper.
+   served at the big M.
+2. A delegate facility serves one task only, so opening it or not is that task's own choice. It folds, together with the
+   pre-trained facility, into one outside option per task: b_i = min(c_hum, c_rob + (1 - ρ_0) c_fail).
+3. The facility of a lesson serves its own task at 0, since the demonstration completes it (equation 3.1).
+4. With a free order (section 6.2.1) a lesson serves every task, not only the subsequent ones.
+5. Service at the big M is no pair at all, nor is service that costs at least b_i: neither is ever worth paying.
+
+The tests hold `of_problem` against the proof's instance, written out with all its 2n + 1 facilities.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from p2l.records import Array, BoolArray, IntArray
-from p2l.team.problem import Decision, Problem
+from p2l.records import Array, BoolArray
+from p2l.team.facility.pairs import Pairs, collect
+from p2l.team.problem import Problem
 
 
-@dataclass(frozen=True)
-class FacilityInstance:
-    """Facilities in the order: n delegate, n learn, one pre-trained.
+def of_problem(problem: Problem) -> Pairs:
+    """The facility location instance of Theorem 3.4.1: demand i is task i, facility j is the lesson on task j."""
+    outside = problem.outside
 
-    Attributes:
-        opening_cost: [2n + 1].
-        service_cost: [n, 2n + 1], demand by facility.
+    def block(low: int, high: int) -> tuple[Array, BoolArray]:
+        cost = lesson_costs(problem, low, high)
+        return cost, cost < outside[low:high, None]
+
+    return collect(problem.c_demo.copy(), outside, block)
+
+
+def lesson_costs(problem: Problem, low: int = 0, high: int | None = None) -> Array:
+    """Service costs c_ij of the theorem: what a task (row) costs with the lesson on another one (column).
+
+    Args:
+        problem: n tasks.
+        low: the first task.
+        high: the task after the last one; n if none.
+
+    Returns:
+        [high - low, n] 0 for a task's own lesson, infinite where the lesson comes too late for the task.
     """
-
-    opening_cost: Array
-    service_cost: Array
-
-
-def to_facility_location(problem: Problem) -> FacilityInstance:
-    """The facility location instance of Theorem 3.4.1, equal in optimum to `problem`."""
-    n = problem.n
-    big = 1.0 + float((problem.c_rob + problem.c_fail + problem.c_hum).max())
-    delegate = np.full((n, n), big)
-    np.fill_diagonal(delegate, 0.0)
-    learn = lesson_costs(problem)
-    learn[~np.isfinite(learn)] = big
-    opening = np.concatenate([problem.c_hum, problem.c_demo, [0.0]])
-    service = np.concatenate([delegate, learn.T, problem.attempt[:, None]], axis=1)
-    return FacilityInstance(opening_cost=opening, service_cost=service)
-
-
-def lesson_costs(problem: Problem) -> Array:
-    """[n, n] what a task (column) costs with the lesson of a task (row); infinite where the lesson comes too late."""
-    cost = problem.served(slice(None))
+    high = problem.n if high is None else high
+    cost = problem.c_rob[low:high, None] + (1.0 - problem.transfer[:, low:high].T) * problem.c_fail[low:high, None]
     if problem.order == "fixed":
-        cost[np.tril_indices(problem.n, -1)] = np.inf
-    np.fill_diagonal(cost, 0.0)
+        cost[:, low:high][np.triu_indices(high - low, 1)] = np.inf
+        cost[:, high:] = np.inf
+    own = np.arange(high - low)
+    cost[own, low + own] = 0.0
     return cost
-
-
-def to_decisions(problem: Problem, opened: BoolArray) -> IntArray:
-    """[n] the plan behind a set of open facilities [2n + 1].
-
-    A delegate facility that opens beside its own lesson adds nothing and is dropped; every other choice is kept, so
-    the plan costs at most what the open set costs.
-    """
-    handed, taught = opened[: problem.n], opened[problem.n : 2 * problem.n]
-    decision = np.where(taught, Decision.LEARN, np.where(handed, Decision.DELEGATE, Decision.ACT))
-    return decision.astype(np.int64)
-
-
-def to_open(decision: IntArray) -> BoolArray:
-    """[2n + 1] the open set behind a plan; its facility location cost is the plan's expected cost."""
-    return np.concatenate([decision == Decision.DELEGATE, decision == Decision.LEARN, [True]])
-
-
-def facility_cost(opening_cost: Array, service_cost: Array, opened: BoolArray) -> float:
-    """Equation 3.3, from scratch: opening [F] plus cheapest service [D, F]; infinite when nothing is open."""
-    if not opened.any():
-        return float("inf")
-    return float(opening_cost[opened].sum() + service_cost[:, opened].min(axis=1).sum())

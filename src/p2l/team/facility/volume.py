@@ -31,13 +31,13 @@ class Bound(NamedTuple):
     Attributes:
         multipliers: [D] v.
         value: L(v).
-        reduced: [F] f_j - Σ_i (v_i - c_ij)⁺.
+        reduced_cost: [F] f_j - Σ_i (v_i - c_ij)⁺.
         share: [F] estimate of each facility's opening in the linear relaxation.
     """
 
     multipliers: Array
     value: float
-    reduced: Array
+    reduced_cost: Array
     share: Array
 
 
@@ -64,31 +64,31 @@ def bound_of(pairs: Pairs, state: State, multipliers: Array) -> float:
 
 
 @nb.njit(cache=True)
-def _taken(state, reduced, j):
-    return state[j] == OPEN or (state[j] == FREE and reduced[j] < 0.0)
+def _is_open(state, reduced_cost, j):
+    return state[j] == OPEN or (state[j] == FREE and reduced_cost[j] < 0.0)
 
 
 @nb.njit(cache=True)
-def _evaluate(pairs, state, v, reduced, residual):
+def _evaluate(pairs, state, v, reduced_cost, residual):
     """L(v); fills the reduced costs [F] and the subgradient [D]: 1 - how often each demand is served."""
     start, facility, cost = pairs.start, pairs.facility, pairs.cost
-    reduced[:] = pairs.opening
+    reduced_cost[:] = pairs.opening
     total = 0.0
     for i in range(v.size):
         total += v[i]
         for z in range(start[i], start[i + 1]):
             if cost[z] >= v[i]:
                 break
-            reduced[facility[z]] -= v[i] - cost[z]
-    for j in range(reduced.size):
-        if _taken(state, reduced, j):
-            total += reduced[j]
+            reduced_cost[facility[z]] -= v[i] - cost[z]
+    for j in range(reduced_cost.size):
+        if _is_open(state, reduced_cost, j):
+            total += reduced_cost[j]
     for i in range(v.size):
         residual[i] = 1.0
         for z in range(start[i], start[i + 1]):
             if cost[z] >= v[i]:
                 break
-            if _taken(state, reduced, facility[z]):
+            if _is_open(state, reduced_cost, facility[z]):
                 residual[i] -= 1.0
     return total
 
@@ -109,7 +109,7 @@ def _move(outside, centre, mean, step, distance, trial):
 
 
 @nb.njit(cache=True)
-def _average(state, reduced, residual, mean, share, weight):
+def _average(state, reduced_cost, residual, mean, share, weight):
     """Mix the newest subproblem solution into the averages; returns its alignment with the old direction."""
     along, cross, own = 0.0, 0.0, 0.0
     for i in range(mean.size):
@@ -121,7 +121,7 @@ def _average(state, reduced, residual, mean, share, weight):
     for i in range(mean.size):
         mean[i] += mix * (residual[i] - mean[i])
     for j in range(share.size):
-        share[j] += mix * ((1.0 if _taken(state, reduced, j) else 0.0) - share[j])
+        share[j] += mix * ((1.0 if _is_open(state, reduced_cost, j) else 0.0) - share[j])
     return along
 
 
@@ -129,23 +129,23 @@ def _average(state, reduced, residual, mean, share, weight):
 def _ascend(pairs, state, v, upper, step, iterations, progress):
     demands, facilities = v.size, pairs.opening.size
     centre, trial = v.copy(), np.empty(demands)
-    best_reduced, reduced = np.empty(facilities), np.empty(facilities)
+    best_reduced_cost, reduced_cost = np.empty(facilities), np.empty(facilities)
     mean, residual = np.empty(demands), np.empty(demands)
-    value = _evaluate(pairs, state, centre, best_reduced, mean)
+    value = _evaluate(pairs, state, centre, best_reduced_cost, mean)
     share = np.zeros(facilities)
     for j in range(facilities):
-        share[j] = 1.0 if _taken(state, best_reduced, j) else 0.0
-    weight, idle, checked = 0.1, 0, value
+        share[j] = 1.0 if _is_open(state, best_reduced_cost, j) else 0.0
+    weight, idle, last_check = 0.1, 0, value
     aim = upper + max(0.05 * (upper - value), 1e-8 * abs(upper))  # steps that aim at a value never pass it
     for t in range(iterations):
         if value >= upper or not _move(pairs.outside, centre, mean, step, aim - value, trial):
             break
-        found = _evaluate(pairs, state, trial, reduced, residual)
-        along = _average(state, reduced, residual, mean, share, weight)
-        if found > value:
-            value, idle = found, 0
+        trial_value = _evaluate(pairs, state, trial, reduced_cost, residual)
+        along = _average(state, reduced_cost, residual, mean, share, weight)
+        if trial_value > value:
+            value, idle = trial_value, 0
             centre[:] = trial
-            best_reduced[:] = reduced
+            best_reduced_cost[:] = reduced_cost
             if along >= 0.0:
                 step = min(2.0, step * 1.1)
         else:
@@ -153,9 +153,9 @@ def _ascend(pairs, state, v, upper, step, iterations, progress):
             if idle == 20:
                 step, idle = step * 0.66, 0
         if t % _CHECK == _CHECK - 1:
-            if value - checked < progress * (upper - value):
+            if value - last_check < progress * (upper - value):
                 break
-            if value - checked < 0.01 * abs(value):
+            if value - last_check < 0.01 * abs(value):
                 weight = max(0.01, weight * 0.7)
-            checked = value
-    return centre, value, best_reduced, share
+            last_check = value
+    return centre, value, best_reduced_cost, share

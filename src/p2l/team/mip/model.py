@@ -1,7 +1,8 @@
 """The two mixed integer programs of the thesis, in Pyomo: built here, solved in `p2l.team.mip.solve`.
 
 Pyomo is the readable reference and the place for extensions (side constraints, budgets of lessons). It spends tens
-of microseconds on every pair of tasks, so the large routes write the strong form as arrays (`p2l.team.facility.core`).
+of microseconds on every pair of tasks, so the large routes write the strong form as arrays
+(`p2l.team.facility.program`). Which lesson serves which task, and at what cost, both take from theorem 3.4.1.
 
 Deviations from the thesis:
 1. Section 3.3.1 lets w_i count the taught skill on its own task, ρ_i(τ_i) x_i. Equation 3.1 charges a taught task
@@ -18,14 +19,15 @@ import numpy as np
 import pyomo.environ as pyo
 
 from p2l.records import BoolArray
+from p2l.team.facility import lesson_costs
 from p2l.team.problem import Problem
 
 
 def helpers_of(problem: Problem) -> list[list[int]]:
     """For each task, the lessons that come in time for it (its own excluded)."""
-    n = problem.n
-    fixed = problem.order == "fixed"
-    return [[j for j in range(i if fixed else n) if j != i] for i in range(n)]
+    in_time = np.isfinite(lesson_costs(problem))
+    np.fill_diagonal(in_time, False)
+    return [np.flatnonzero(row).tolist() for row in in_time]
 
 
 def max_form(problem: Problem) -> Any:
@@ -83,16 +85,15 @@ def strong_form(problem: Problem) -> Any:
         model.tasks, rule=lambda m, i: m.y[i] + m.r[i] + sum(m.serve[j, i] for j in [i, *lessons[i]]) == 1
     )
     model.link = pyo.Constraint(model.pairs, rule=lambda m, j, i: m.serve[j, i] <= m.x[j])
-    cost = problem.served(slice(None))
-    np.fill_diagonal(cost, 0.0)
-    served, hum, attempt, demo = (c.tolist() for c in (cost, problem.c_hum, problem.attempt, problem.c_demo))
+    costs = (lesson_costs(problem), problem.c_hum, problem.attempt, problem.c_demo)
+    service, hum, attempt, demo = (cost.tolist() for cost in costs)
     model.cost = pyo.Objective(
         expr=sum(demo[i] * model.x[i] + hum[i] * model.y[i] + attempt[i] * model.r[i] for i in model.tasks)
-        + sum(served[j][i] * model.serve[j, i] for j, i in model.pairs)
+        + sum(service[i][j] * model.serve[j, i] for j, i in model.pairs)
     )
     return model
 
 
-def taught_in(model: Any) -> BoolArray:
+def lessons_of(model: Any) -> BoolArray:
     """[n] True where the solved model teaches the task."""
     return np.array([pyo.value(model.x[i]) > 0.5 for i in model.tasks])

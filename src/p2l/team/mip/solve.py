@@ -19,9 +19,9 @@ _IMPOSSIBLE = (TerminationCondition.provenInfeasible, TerminationCondition.infea
 
 @dataclass(frozen=True)
 class Ending:
-    """How a solve ended: `finished` (inside the requested gap), whether the model holds a solution, and the bound."""
+    """How a solve ended: `complete` (inside the requested gap), whether the model holds a solution, and the bound."""
 
-    finished: bool
+    complete: bool
     has_solution: bool
     lower_bound: float
 
@@ -53,17 +53,17 @@ def solve_model(model: Any, *, time_limit_s: float, gap: float = 0.0, threads: i
         load_solutions=False,
         raise_exception_on_nonoptimal_result=False,
     )
-    ended = results.termination_condition
-    if ended in _IMPOSSIBLE:
+    condition = results.termination_condition
+    if condition in _IMPOSSIBLE:
         raise SolverError(f"{model.name}: HiGHS proved that no solution exists; relax the added constraints")
-    finished = ended == TerminationCondition.convergenceCriteriaSatisfied
-    if not finished and ended not in _ENDED_BY_TIME:
-        raise SolverError(f"{model.name}: HiGHS stopped with '{ended.name}'; try planner=facility")
-    found = results.solution_status in (SolutionStatus.optimal, SolutionStatus.feasible)
-    if found:
+    complete = condition == TerminationCondition.convergenceCriteriaSatisfied
+    if not complete and condition not in _ENDED_BY_TIME:
+        raise SolverError(f"{model.name}: HiGHS stopped with '{condition.name}'; try planner=facility")
+    has_solution = results.solution_status in (SolutionStatus.optimal, SolutionStatus.feasible)
+    if has_solution:
         results.solution_loader.load_vars()
     bound = results.objective_bound
-    return Ending(finished, found, float(bound) if bound is not None and math.isfinite(bound) else -math.inf)
+    return Ending(complete, has_solution, float(bound) if bound is not None and math.isfinite(bound) else -math.inf)
 
 
 def _refuse_nonfinite(model: Any) -> None:

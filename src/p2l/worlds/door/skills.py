@@ -16,7 +16,6 @@ from p2l.contracts.observation import Observation, Privileged
 from p2l.records import Array, BoolArray
 from p2l.skills.follow import Follow, Waypoints
 from p2l.worlds.door.handles import axis_of, grasp_pose, hinge_of
-from p2l.worlds.door.world import Door
 
 UP = (0.0, 0.0, 1.0)
 FACING = np.cos(0.5)  # the hand may be turned by up to 0.5 rad
@@ -41,11 +40,11 @@ class Motion:
     hinge_rad: float = 0.5
 
 
-def options(world: Door, motion: Motion = Motion()) -> tuple[Follow, ...]:
-    """The nominal chain."""
+def options(finger_sign: float, motion: Motion = Motion()) -> tuple[Follow, ...]:
+    """The nominal chain of an arm that grasps with the fingers that way round (+1 or −1)."""
 
     def reach(seen: Observation) -> Waypoints:
-        pos, quat, into = grasp_pose(seen["handle_pos_m"], seen["handle_quat"], world.finger_sign)
+        pos, quat, into = grasp_pose(seen["handle_pos_m"], seen["handle_quat"], finger_sign)
         pos = pos + motion.above_m * np.asarray(UP)
         way = np.stack([pos - motion.before_m * into, pos, pos], axis=1)
         return Waypoints(way, np.repeat(quat[:, None], 3, axis=1), np.tile([0.0, 0.0, 1.0], (len(seen), 1)))

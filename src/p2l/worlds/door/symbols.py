@@ -18,7 +18,6 @@ from p2l.contracts.observation import Observation, Privileged
 from p2l.records import Array, BoolArray
 from p2l.sim.scene import FINGER_OPEN_M
 from p2l.worlds.door.handles import axis_of, grasp_pose, hinge_of
-from p2l.worlds.door.world import Door
 
 UP = np.array([0.0, 0.0, 1.0])
 EMPTY_BELOW_M, OPEN_ABOVE_M = 0.006, 0.065
@@ -30,7 +29,7 @@ class DoorSymbols:
     """See `worlds.symbols.Symbols`.
 
     Args:
-        world: tells which way round the fingers grasp.
+        finger_sign: which way round the fingers grasp, +1 or −1.
     """
 
     names = (
@@ -43,9 +42,9 @@ class DoorSymbols:
     context = (0, 1, 2, 3, 4, 5)
     far = np.array([0.03, 0.03, 0.03, 0.2, 0.2, 0.2, 0.0, 0.0, 0.0])
 
-    def __init__(self, world: Door) -> None:
+    def __init__(self, finger_sign: float) -> None:
         origin, still = np.zeros((1, 3)), np.array([[1.0, 0.0, 0.0, 0.0]])
-        self._nominal = poses.rotation(grasp_pose(origin, still, world.finger_sign)[1])
+        self._nominal = poses.rotation(grasp_pose(origin, still, finger_sign)[1])
 
     def state(self, known: Privileged | Observation) -> Array:
         """Position and rotation vector of the hand, from the handle and from the nominal grasp's orientation."""

@@ -31,13 +31,18 @@ from robosuite.models.objects import DoorObject
 
 from p2l import poses
 from p2l.contracts.estimator import Estimator, Mode
-from p2l.contracts.world import NO_FAILURE, Command, Rows, View
+from p2l.contracts.option import Option
+from p2l.contracts.rows import Command, Rows
+from p2l.contracts.symbols import Symbols
+from p2l.contracts.world import NO_FAILURE, View
 from p2l.errors import ConfigError
 from p2l.records import Array, BoolArray, IntArray
 from p2l.sim.batch import Chunk
 from p2l.sim.scene import FINGER_OPEN_M, FINGERS, WRIST_FORCE, Parts, Physics, Scene, build
 from p2l.worlds.door.handles import DOOR, Handle, find, shape
 from p2l.worlds.door.reach import hold_posture, start_posture
+from p2l.worlds.door.skills import options
+from p2l.worlds.door.symbols import DoorSymbols
 from p2l.worlds.robot import Fields, RobotWorld
 
 BASE_POS_WORLD = (-0.56, 0.0, 0.0)
@@ -231,6 +236,14 @@ class Door(RobotWorld):
     def goal(self, rows: Rows) -> BoolArray:
         """The hinge at 0.3 rad or more, as robosuite has it."""
         return self.joint(rows, f"{DOOR}_hinge") >= OPEN_RAD
+
+    def nominal_options(self) -> tuple[Option, ...]:
+        """Reach and grasp, rotate the handle, pull it."""
+        return options(self.finger_sign)
+
+    def symbols(self) -> Symbols:
+        """The hand in the handle's frame, the fingers' gap, hinge and latch."""
+        return DoorSymbols(self.finger_sign)
 
 
 def _scene(arm: str, handle: Handle, timestep_s: float) -> Scene:

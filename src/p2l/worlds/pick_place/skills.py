@@ -14,7 +14,7 @@ from p2l import poses
 from p2l.contracts.observation import Observation, Privileged
 from p2l.records import Array, BoolArray, IntArray
 from p2l.skills.machine import Machine, Phase, link
-from p2l.worlds.pick_place.world import (
+from p2l.worlds.pick_place.bins import (
     BIN1_POS_M,
     BIN_INNER_HALF_M,
     DOWN,
@@ -22,7 +22,6 @@ from p2l.worlds.pick_place.world import (
     HAND_HALF_M,
     LIFT_M,
     QUARTER_M,
-    PickPlace,
 )
 
 TOP_M = 0.03  # robosuite's height of the bread's top above its centre
@@ -34,9 +33,8 @@ RELEASED_GAP_M = 0.07
 HELD_GAP_M = (0.02, 0.065)  # opening of fingers that are closed on the bread, along whichever side
 
 
-def options(world: PickPlace) -> tuple[Machine, ...]:
+def options() -> tuple[Machine, ...]:
     """The nominal chain."""
-    del world  # the same for every arm
     chain = (
         Machine("go_to_grasp", (Phase(_hover, grip=0.0),), quarter_turn, can_go_to_grasp),
         Machine(

@@ -24,29 +24,38 @@ from robosuite.models.objects import BreadObject
 
 from p2l import poses
 from p2l.contracts.estimator import Estimator, Mode
-from p2l.contracts.world import NO_FAILURE, Command, Rows, View
+from p2l.contracts.observation import Privileged
+from p2l.contracts.option import Option
+from p2l.contracts.rows import Command, Rows
+from p2l.contracts.world import NO_FAILURE, View
 from p2l.errors import ConfigError
 from p2l.records import Array, BoolArray, IntArray
 from p2l.sim.batch import Chunk
 from p2l.sim.posture import reach
 from p2l.sim.scene import WRIST_FORCE, Parts, Physics, build
+from p2l.worlds.pick_place.bins import (
+    BIN1_POS_M,
+    BIN2_POS_M,
+    BIN_INNER_HALF_M,
+    BIN_SIZE_M,
+    DOWN,
+    FLOOR_M,
+    LIFT_M,
+    QUARTER_M,
+    hand_room,
+)
+from p2l.worlds.pick_place.skills import options, quarter_turn
 from p2l.worlds.robot import RobotWorld
 
 BASE_POS_WORLD = (-0.5, -0.1, 0.0)  # robosuite's offset of the base for arenas with bins
-BIN1_POS_M = np.array([0.1, -0.25, 0.8])
-BIN2_POS_M = np.array([0.1, 0.28, 0.8])
-BIN_SIZE_M = np.array([0.39, 0.49])  # what robosuite calls the size of a bin in its task
-BIN_INNER_HALF_M = np.array([0.19, 0.24])  # between the walls
-QUARTER_M = BIN2_POS_M + np.array([BIN_SIZE_M[0] / 4, -BIN_SIZE_M[1] / 4, 0.0])  # centre of the bread's quarter
-LIFT_M = BIN1_POS_M[2] + 0.2  # where Pick lifts to
-FLOOR_M = 0.82  # height of a bin's floor; its walls end at 0.9
 REST_M = 0.8433  # height of the bread's centre when it lies there
 BREAD_RADIUS_M = 0.0313  # half of its diagonal, seen from above
-HAND_HALF_M = 0.102  # of the hand's long side
 GRIP_START_M = 0.020833  # robosuite's start position of each finger
 RELEASED_M = float(np.arctanh(0.4) / 10.0)  # robosuite: 1 − tanh(10 · distance) < 0.6 between grip site and object
 EMPTY_GAP_M = 0.01  # closed fingers that hold nothing
 LIFTED_M = 0.03  # the hand has risen by so much since it closed
+CARRIED_M = 0.05  # bread that is higher above the floor is in the hand
+MOVED_M = 0.01  # half of a primitive
 # At the Panda's start posture robosuite's OSC (kp 150, shaped by the inertia, in which the motors' armatures count) is
 # as stiff as 1800–6300 N/m and 140–2000 N·m/rad; the joints' damping keeps the elbow quiet at the far side of the bin.
 IMPEDANCE = {
@@ -56,7 +65,6 @@ IMPEDANCE = {
     "damping_angular": 25.0,
     "joint_damping": 5.0,
 }
-DOWN = (0.0, 0.0, -1.0)
 KINDS = ("collision", "dropped")
 _CLOSED_AT, _FORCE = range(2)
 
@@ -200,6 +208,34 @@ class PickPlace(RobotWorld):
         away = np.linalg.norm(pos - self.read(rows, "grip_pos"), axis=1) > RELEASED_M
         return np.asarray(((low < pos) & (pos < high)).all(axis=1) & away)
 
+    def nominal_options(self) -> tuple[Option, ...]:
+        """Go to the grasp, pick, go to the goal, place; the same for every arm."""
+        return options()
+
+    def delivery_pos(self, truth: Privileged) -> Array:
+        """The middle of the bread's quarter."""
+        return np.tile(QUARTER_M, (len(truth), 1))
+
+    def strategies(self, before: Rows, after: Rows) -> dict[str, BoolArray]:
+        """By which strategies recoveries got out (thesis, section 5.4.1).
+
+        Returns:
+            `turn`: the orientation that the nominal skills would keep is a quarter turn about the vertical off the one
+            at the failure (half turns are the same to the fingers). `push`: the bread still lies in its bin, and its
+            distance to the nearest wall has grown by more than `MOVED_M`.
+        """
+        axes = [
+            poses.rotate(poses.rotation(quarter_turn(self.observe(rows))), [1.0, 0.0, 0.0])[:, :2]
+            for rows in (before, after)
+        ]
+        pos = [self.read(rows, "object_pos") for rows in (before, after)]
+        room = [(BIN_INNER_HALF_M - np.abs(one[:, :2] - BIN1_POS_M[:2])).min(axis=1) for one in pos]
+        lies = pos[1][:, 2] < FLOOR_M + CARRIED_M
+        return {
+            "turn": np.abs((axes[0] * axes[1]).sum(axis=1)) < 0.5,
+            "push": lies & (room[1] - room[0] > MOVED_M),
+        }
+
     def _check_reach(self) -> None:
         sides = zip(self._low[:2], self._high[:2], strict=True)
         corners = [np.array([*(BIN1_POS_M[:2] + corner), LIFT_M]) for corner in product(*sides)]
@@ -212,18 +248,6 @@ class PickPlace(RobotWorld):
                 f"pick_place: the arm has no posture with the hand facing down at {named} (world, m); "
                 "narrow x_m and y_m or choose another arm"
             )
-
-
-def hand_room(object_pos: Array, grip_quat: Array) -> Array:
-    """[N] m between the hand, lowered over the object as it is turned, and the closest wall across its long side.
-
-    Args:
-        object_pos: [N, 3] world frame, m.
-        grip_quat: [N, 4] of the grip site.
-    """
-    along = np.abs(poses.rotate(poses.rotation(grip_quat), [1.0, 0.0, 0.0])[:, :2])
-    free = BIN_INNER_HALF_M - np.abs(object_pos[:, :2] - BIN1_POS_M[:2])
-    return np.asarray(np.where(along[:, 0] > along[:, 1], free[:, 0], free[:, 1]) - HAND_HALF_M)
 
 
 def _ranges(clearance_m: float, **given: Sequence[float]) -> tuple[Array, Array]:

@@ -23,10 +23,10 @@ from robosuite.utils.observables import Observable, sensor
 from robosuite.utils.transform_utils import convert_quat
 
 from p2l.records import Array
-from p2l.worlds.shelf.hold import UPRIGHT_QUAT, turn_rad, upright_distance
+from p2l.worlds.shelf.hold import UPRIGHT, UPRIGHT_QUAT, turn_rad, upright_distance
 from p2l.worlds.shelf.scene import CLUTTER, INNER_WIDTH_M, TABLE_FULL_M, TABLE_M, Thing, shelf_parts
 from p2l.worlds.shelf.starts import Starts
-from p2l.worlds.shelf.world import AWAY_M, REST_M_S, TARGET_M, UPRIGHT, Shelf
+from p2l.worlds.shelf.world import AWAY_M, REST_M_S, TARGET_M, Shelf
 
 
 class PlaceOnShelf(ManipulationEnv):

@@ -16,7 +16,8 @@ import numpy as np
 from p2l.contracts.estimator import Estimator
 from p2l.contracts.observation import Observation, Privileged
 from p2l.contracts.option import Option
-from p2l.contracts.world import Command, Rows, View, World
+from p2l.contracts.rows import Command, Rows
+from p2l.contracts.world import View, World
 from p2l.errors import ConfigError
 from p2l.records import Array, BoolArray, IntArray
 from p2l.sim.batch import Chunk
@@ -101,6 +102,10 @@ class TransferWorld:
     def goal(self, rows: Rows) -> BoolArray:
         """The verdict of robosuite after the last control step; False of rows that have not been moved yet."""
         return np.asarray(rows.memory[:, -1] > 0)
+
+    def nominal_options(self) -> tuple[Option, ...]:
+        """Those of our world."""
+        return self._world.nominal_options()
 
     def drawn(self, model: int) -> mujoco.MjModel:
         """The twin with visuals of our world."""

@@ -16,6 +16,7 @@ CLOSED, HELD, LIFTED, FORCE, FLAGGED = range(5)  # closed: for how many control 
 POS, QUAT = slice(5, 8), slice(8, 12)  # pose in the hand at the lift, or at the last flag since
 CLOSING_STEPS = 5  # control steps that the fingers need
 NEAR_M = 0.12  # what the closed fingers hold is not farther from the grip site
+UPRIGHT = 0.1  # distance of quaternions up to which a thing stands straight
 UPRIGHT_QUAT = np.array([1.0, 0.0, 0.0, 0.0])
 
 InHand = tuple[Array, Rotation]  # position [N, 3], m, and orientation of the thing in the frame of the grip site

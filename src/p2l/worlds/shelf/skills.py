@@ -14,10 +14,9 @@ import numpy as np
 from p2l.contracts.observation import Observation, Privileged
 from p2l.records import Array, BoolArray
 from p2l.skills.follow import Follow, Waypoints
-from p2l.worlds.shelf.hold import upright_distance
-from p2l.worlds.shelf.scene import DEPTH_M, TABLE_M
+from p2l.worlds.shelf.hold import UPRIGHT, upright_distance
+from p2l.worlds.shelf.scene import DEPTH_M, TABLE_M, Thing
 from p2l.worlds.shelf.starts import APPROACH_M, AWAY_M, CARRY_M
-from p2l.worlds.shelf.world import UPRIGHT, Shelf
 
 CLEARANCE_M = 0.003  # between what is carried and the shelf's floor
 BEFORE_M = 0.06  # from the thing's near side back to the pose before the grasp
@@ -29,14 +28,13 @@ STEPS = {"pick": (8, 10, 8, 10), "move": (18,), "place": (14, 5, 6, 14)}  # cont
 SETTLE = {"pick": (0, 2, 8, 2), "move": (6,), "place": (2, 1, 6, 2)}  # of these, standing still at the end
 
 
-def options(world: Shelf) -> tuple[Follow, ...]:
-    """The nominal chain."""
-    thing = world.thing
+def options(thing: Thing, hand_quat: Array) -> tuple[Follow, ...]:
+    """The nominal chain for a thing, with the hand turned as `hand_quat` [4]."""
     mouth = DEPTH_M / 2 + thing.half_depth_m + APPROACH_M
 
     def way(points: list[Array], grip: list[float]) -> Waypoints:
         rows, count = len(points[0]), len(points)
-        quat = np.tile(world.hand_quat, (rows, count, 1))
+        quat = np.tile(hand_quat, (rows, count, 1))
         return Waypoints(np.stack(points, axis=1), quat, np.tile(grip, (rows, 1)))
 
     def pick(seen: Observation) -> Waypoints:

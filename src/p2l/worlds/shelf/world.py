@@ -28,13 +28,17 @@ import mujoco
 import numpy as np
 
 from p2l.contracts.estimator import Estimator, Mode
-from p2l.contracts.world import NO_FAILURE, Command, Rows, View
+from p2l.contracts.observation import Privileged
+from p2l.contracts.option import Option
+from p2l.contracts.rows import Command, Rows
+from p2l.contracts.world import NO_FAILURE, View
 from p2l.records import Array, BoolArray, IntArray
 from p2l.sim.batch import Chunk
 from p2l.sim.scene import FINGER_OPEN_M, FINGERS, WRIST_FORCE, Physics, edited
 from p2l.worlds.robot import Fields, RobotWorld
 from p2l.worlds.shelf import hold as hand
 from p2l.worlds.shelf.scene import CLUTTER, DEPTH_M, INNER_WIDTH_M, TABLE_M, Clutter, compose, find
+from p2l.worlds.shelf.skills import options
 from p2l.worlds.shelf.starts import checked, interval, positive, posture, sized
 
 IMPEDANCE = {"stiffness_linear": 2000.0, "stiffness_angular": 200.0, "damping_linear": 180.0, "damping_angular": 20.0}
@@ -43,10 +47,10 @@ COLLISION, SLIP, DROPPED, ON_TABLE, CLUTTER_ROTATED = range(5)
 EMPTY_GAP_M = 0.01  # closed fingers that hold nothing
 LYING_M = 0.03  # a thing whose origin is so low above the table lies there
 LIFTED_M = 0.01
-UPRIGHT = 0.1  # distance of quaternions
 TARGET_M = 0.05
 AWAY_M = 0.2
 REST_M_S = 0.05
+MOVED_M = 0.01  # half of a primitive
 
 
 class Shelf(RobotWorld):
@@ -242,10 +246,23 @@ class Shelf(RobotWorld):
         off = np.abs(pos - target)
         placed = (off[:, 1] < TARGET_M) & (off[:, 2] < TARGET_M)
         placed &= off[:, 0] < INNER_WIDTH_M / 2 - self.thing.half_width_m
-        rests = (self._speed(rows) < REST_M_S) & (hand.upright_distance(quat) < UPRIGHT)
+        rests = (self._speed(rows) < REST_M_S) & (hand.upright_distance(quat) < hand.UPRIGHT)
         away = np.linalg.norm(self.read(rows, "grip_pos") - pos, axis=1) >= AWAY_M
         off_fingers = self.gap_m(rows) > 2.0 * self.thing.half_width_m + 0.01
         return np.asarray(placed & rests & away & off_fingers & ~self._clutter_turned(rows))
+
+    def nominal_options(self) -> tuple[Option, ...]:
+        """Pick, move, place."""
+        return options(self.thing, self.hand_quat)
+
+    def delivery_pos(self, truth: Privileged) -> Array:
+        """On the board: half the box's height above the shelf's floor."""
+        return truth["shelf_pos_m"] + [0.0, 0.0, 0.08]
+
+    def strategies(self, before: Rows, after: Rows) -> dict[str, BoolArray]:
+        """`up` and `inside`: the hand is higher, or deeper in the direction of the shelf, by more than `MOVED_M`."""
+        moved = self.read(after, "grip_pos") - self.read(before, "grip_pos")
+        return {"up": moved[:, 2] > MOVED_M, "inside": moved[:, 1] > MOVED_M}
 
 
 ClutteredShelf = partial(Shelf, clutter=True)

@@ -19,28 +19,28 @@ from p2l.records import Array, BoolArray, IntArray
 from p2l.team.facility.pairs import Pairs
 
 _TOLERANCE = 1e-7
-_FINISHED = (highspy.HighsModelStatus.kOptimal, highspy.HighsModelStatus.kModelEmpty)
-_STOPPED = (highspy.HighsModelStatus.kTimeLimit, highspy.HighsModelStatus.kIterationLimit)
+_COMPLETE = (highspy.HighsModelStatus.kOptimal, highspy.HighsModelStatus.kModelEmpty)
+_AT_LIMIT = (highspy.HighsModelStatus.kTimeLimit, highspy.HighsModelStatus.kIterationLimit)
 
 
 @dataclass(frozen=True)
-class CoreAnswer:
+class ProgramSolution:
     """What HiGHS found.
 
     Attributes:
         open: [F] best open set, None if there is none yet.
         lower_bound: proven, -infinity if there is none yet.
-        finished: whether the solve ended inside the gap.
+        complete: whether the solve ended inside the gap.
         multipliers: [D] duals of the linear relaxation, None if the time did not suffice for it.
     """
 
     open: BoolArray | None
     lower_bound: float
-    finished: bool
+    complete: bool
     multipliers: Array | None
 
 
-def solve_core(pairs: Pairs, *, time_limit_s: float, gap: float = 0.0) -> CoreAnswer:
+def solve_program(pairs: Pairs, *, time_limit_s: float, gap: float = 0.0) -> ProgramSolution:
     """Solve a `Pairs` instance with HiGHS.
 
     Args:
@@ -58,8 +58,8 @@ def solve_core(pairs: Pairs, *, time_limit_s: float, gap: float = 0.0) -> CoreAn
     if not all(np.isfinite(part).all() for part in (pairs.opening, pairs.outside, pairs.cost)):
         raise SolverError("facility location: a cost is NaN or infinite; check the costs before solving")
     if not len(pairs.cost):
-        return CoreAnswer(np.zeros(pairs.facilities, dtype=bool), float(pairs.outside.sum()), True, pairs.outside)
-    lp, scale = strong_form(pairs)
+        return ProgramSolution(np.zeros(pairs.facilities, dtype=bool), float(pairs.outside.sum()), True, pairs.outside)
+    lp, scale = relaxation(pairs)
     highs = highspy.Highs()
     options = {"output_flag": False, "threads": 1, "mip_rel_gap": gap, "mip_abs_gap": 0.0, "time_limit": time_limit_s}
     for name, value in options.items():
@@ -67,49 +67,52 @@ def solve_core(pairs: Pairs, *, time_limit_s: float, gap: float = 0.0) -> CoreAn
     if highs.passModel(lp) == highspy.HighsStatus.kError:
         raise SolverError("facility location: HiGHS refused the program; its costs may be out of range")
     if not _run(highs):
-        return CoreAnswer(None, -math.inf, False, None)
+        return ProgramSolution(None, -math.inf, False, None)
     bound = highs.getInfo().objective_function_value / scale
     multipliers = pairs.outside + np.asarray(highs.getSolution().row_dual[: pairs.demands]) / scale
     share = np.asarray(highs.getSolution().col_value[: pairs.facilities])
     if (np.abs(share - np.round(share)) <= _TOLERANCE).all():
-        return CoreAnswer(share > 0.5, bound, True, multipliers)
+        return ProgramSolution(share > 0.5, bound, True, multipliers)
     return _integer(highs, pairs, scale, bound, multipliers, deadline)
 
 
 def _integer(
-    highs: highspy.Highs, pairs: Pairs, scale: float, relaxed: float, multipliers: Array, deadline: float
-) -> CoreAnswer:
+    highs: highspy.Highs, pairs: Pairs, scale: float, root_bound: float, multipliers: Array, deadline: float
+) -> ProgramSolution:
     binary = np.full(pairs.facilities, highspy.HighsVarType.kInteger)
     highs.changeColsIntegrality(pairs.facilities, np.arange(pairs.facilities, dtype=np.int32), binary)
     # HiGHS counts its time limit over all runs of one model
     highs.setOptionValue("time_limit", highs.getRunTime() + max(1e-3, deadline - time.perf_counter()))
-    finished = _run(highs)
+    complete = _run(highs)
     info = highs.getInfo()
-    opened = np.asarray(highs.getSolution().col_value[: pairs.facilities]) > 0.5
-    found = info.primal_solution_status == 2
+    open_set = np.asarray(highs.getSolution().col_value[: pairs.facilities]) > 0.5
+    has_solution = info.primal_solution_status == 2
     bound = info.mip_dual_bound / scale
-    return CoreAnswer(
-        opened if found else None, max(relaxed, bound) if math.isfinite(bound) else relaxed, finished, multipliers
+    return ProgramSolution(
+        open_set if has_solution else None,
+        max(root_bound, bound) if math.isfinite(bound) else root_bound,
+        complete,
+        multipliers,
     )
 
 
 def _run(highs: highspy.Highs) -> bool:
-    """Run HiGHS; True when finished, False at the time limit."""
+    """Run HiGHS; True when it ends by itself, False at the time limit."""
     highs.run()
     status = highs.getModelStatus()
-    if status not in _FINISHED + _STOPPED:
+    if status not in _COMPLETE + _AT_LIMIT:
         raise SolverError(
             f"facility location: HiGHS ended with '{highs.modelStatusToString(status)}'; try planner=facility"
         )
-    return status in _FINISHED
+    return status in _COMPLETE
 
 
-def strong_form(pairs: Pairs) -> tuple[highspy.HighsLp, float]:
+def relaxation(pairs: Pairs) -> tuple[highspy.HighsLp, float]:
     """The linear relaxation as HiGHS wants it, its facilities first, and the factor that its costs were scaled by."""
     facilities, count, demands = pairs.facilities, len(pairs.cost), pairs.demands
     cost = np.concatenate([pairs.opening, pairs.cost - pairs.outside[pairs.rows()]])
     largest = float(np.abs(cost).max())
-    scale = 2.0 ** (10 - math.frexp(largest)[1]) if largest > 0.0 else 1.0  # HiGHS's tolerances are absolute
+    scale = 2.0 ** min(1000, 10 - math.frexp(largest)[1]) if largest > 0.0 else 1.0  # HiGHS's tolerances are absolute
     lp = highspy.HighsLp()
     lp.num_col_, lp.num_row_ = facilities + count, demands + count
     lp.col_cost_ = cost * scale

@@ -1,16 +1,12 @@
-"""The contract of a chooser, and the one list of them.
+"""The contract of a chooser: a rule that maps the graph, the history and a generator to the recovery to train next.
 
-A chooser is a factory of a rule. The factory checks its settings, before any training; the rule maps the graph, the
-history and a generator to the recovery to train next. Factories are named, not imported. A new chooser is one
-function, one `register` line and one YAML in `conf/chooser/`.
+A chooser is made by a factory of its rule, which checks its settings before any training (`choosers.table`).
 """
 
 from __future__ import annotations
 
-import importlib
-import inspect
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -21,8 +17,6 @@ from p2l.metareskill.graph import SkillGraph
 from p2l.metareskill.history import History
 from p2l.metareskill.value_iteration import TIE, greedy
 from p2l.records import Array
-
-_FACTORIES: dict[str, str] = {}
 
 
 @dataclass(frozen=True)
@@ -96,51 +90,3 @@ def check_number(
     brackets = "()" if strict else "[]"
     kind = "whole number" if whole else "number"
     raise ConfigError(f"{what}: {value!r} given; it must be a finite {kind} in {brackets[0]}{low}, {high}{brackets[1]}")
-
-
-def register(name: str, factory: str) -> None:
-    """Make `factory` (`package.module:function`) available as `name`.
-
-    Raises:
-        ConfigError: the name is taken by another factory, or `factory` has no colon.
-    """
-    if ":" not in factory:
-        raise ConfigError(f"chooser '{name}': factory '{factory}' has no colon; write 'package.module:function'")
-    if _FACTORIES.setdefault(name, factory) != factory:
-        raise ConfigError(f"chooser '{name}' is already registered as '{_FACTORIES[name]}'; choose another name")
-
-
-def known_choosers() -> tuple[str, ...]:
-    """Names of all registered choosers, sorted."""
-    return tuple(sorted(_FACTORIES))
-
-
-def get_chooser(name: str, params: Mapping[str, Any] | None = None) -> Chooser:
-    """Build a chooser.
-
-    Args:
-        name: as registered.
-        params: settings of its factory, and `initial_rounds`, which every chooser takes (0 if not given).
-
-    Raises:
-        ConfigError: unknown chooser, or a setting that it does not take or refuses.
-    """
-    if name not in _FACTORIES:
-        raise ConfigError(f"unknown chooser '{name}'; known choosers: {', '.join(known_choosers())}")
-    module, _, attribute = _FACTORIES[name].partition(":")
-    factory: Callable[..., Rule] = getattr(importlib.import_module(module), attribute)
-    given = dict(params or {})
-    initial_rounds = given.pop("initial_rounds", 0)
-    allowed = tuple(inspect.signature(factory).parameters)
-    if unknown := sorted(set(given) - set(allowed)):
-        raise ConfigError(f"chooser '{name}': unknown settings {unknown}; it takes {['initial_rounds', *allowed]}")
-    check_number(f"{name}: initial_rounds", initial_rounds, low=0, whole=True)
-    return Chooser(name, factory(**given), initial_rounds)
-
-
-register("metareskill", "p2l.metareskill.choosers.rules:metareskill")
-register("round_robin", "p2l.metareskill.choosers.rules:round_robin")
-register("weighted_round_robin", "p2l.metareskill.choosers.rules:weighted_round_robin")
-register("ucb1", "p2l.metareskill.choosers.bandits:ucb1")
-register("thompson", "p2l.metareskill.choosers.bandits:thompson")
-register("oracle", "p2l.metareskill.choosers.oracle:oracle")

@@ -1,0 +1,42 @@
+"""Recorded failures for a run of learning, checked against what the run is asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from p2l.errors import ArtifactError
+from p2l.failures.record import Failures, check_params, load_failures
+from p2l.worlds.table import make_world
+
+
+def recorded_failures(path: Path, item: str, world: str, params: Mapping[str, Any]) -> Failures:
+    """Training failures of a world, found under the estimator that is asked for.
+
+    Args:
+        path: where `discover` left them.
+        item: world, or a variant of it, for the message.
+        world: name or target.
+        params: of the world.
+
+    Raises:
+        ArtifactError: there are none, or they come from another world, variant or estimator.
+    """
+    if not path.exists():
+        raise ArtifactError(
+            f"{path}: no failures of '{item}' have been recorded. To discover some: `dvc repro discover@{item}`, or "
+            f"`python -m stages.discover world={item} hydra.run.dir={path.parent}`"
+        )
+    failures = load_failures(path, "train")
+    check_params(failures, world, params, path)
+    if params.get("estimator") != failures.origin.params.get("estimator"):
+        # A default may be what the other names.
+        given, own = (make_world(world, each).estimator.mode for each in (params, failures.origin.params))
+        if given != own:
+            raise ArtifactError(
+                f"{path}: found under estimator={own}, the configuration says {given}; say "
+                f"world.params.estimator={own} here and in evaluate_chains, or run `python -m stages.discover "
+                f"world={item} estimator={given}`"
+            )
+    return failures

@@ -1,0 +1,92 @@
+"""The moment of an execution that everything is a function of, and what the arm is asked for next.
+
+Axis letters: N rows, S state columns, D sensor values, E estimated coordinates, M columns of a world's memory.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from p2l.errors import ShapeError
+from p2l.records import Array, IntArray
+
+
+@dataclass(frozen=True)
+class Rows:
+    """N executions at one moment; with the commands to come it decides their future to the bit.
+
+    Attributes:
+        states: [N, S] rows of the engine.
+        sensors: [N, D] last sensor values.
+        model: [N] which of the engine's models each row uses.
+        noise: [N, K, E] unit normals of the state estimator, see `worlds.estimator`.
+        actions: [N] actions (options or primitives) finished so far.
+        memory: [N, M] what the world's failure detectors remember, e.g. the pose of a box in the hand.
+        grip: [N] last command to the fingers, 0 = open, 1 = closed.
+    """
+
+    states: Array
+    sensors: Array
+    model: IntArray
+    noise: Array
+    actions: IntArray
+    memory: Array
+    grip: Array
+
+    def __len__(self) -> int:
+        return len(self.states)
+
+    def take(self, index: npt.ArrayLike) -> Rows:
+        """The rows of `index` (integers or a mask), in that order."""
+        rows = np.asarray(index)
+        return Rows(**{name: value[rows] for name, value in self.arrays().items()})
+
+    def put(self, index: npt.ArrayLike, rows: Rows) -> None:
+        """Overwrite the rows of `index`; only who made this record's arrays may do so (the runner's slots)."""
+        where = np.asarray(index)
+        for name, value in self.arrays().items():
+            value[where] = getattr(rows, name)
+
+    def arrays(self) -> dict[str, npt.NDArray[Any]]:
+        """The fields by name, for `artifacts.save_arrays`."""
+        return {field.name: getattr(self, field.name) for field in fields(self)}
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, npt.NDArray[Any]]) -> Rows:
+        """From what `arrays` gave.
+
+        Raises:
+            ShapeError: the fields do not have the same number of rows, or hold NaN.
+        """
+        made = cls(**{field.name: np.array(arrays[field.name]) for field in fields(cls)})
+        counts = {name: len(value) for name, value in made.arrays().items()}
+        if len(set(counts.values())) > 1:
+            raise ShapeError(f"rows: the fields have different numbers of rows: {counts}")
+        if bad := [name for name, value in made.arrays().items() if not np.isfinite(value).all()]:
+            raise ShapeError(f"rows: {', '.join(bad)} hold NaN or infinity")
+        return made
+
+    @classmethod
+    def join(cls, parts: Sequence[Rows]) -> Rows:
+        """The rows of all parts, in order."""
+        return cls(**{f.name: np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(cls)})
+
+
+@dataclass(frozen=True)
+class Command:
+    """What the arm is asked for during the next control step.
+
+    Attributes:
+        pos: [N, 3] of the grip site's target, world frame, m.
+        quat: [N, 4] of the target, (w, x, y, z).
+        grip: [N] 0 = fingers open, 1 = closed.
+    """
+
+    pos: Array
+    quat: Array
+    grip: Array

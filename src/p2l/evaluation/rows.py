@@ -1,0 +1,47 @@
+"""Rows of the long tables that every chapter's results are told in.
+
+`mean` with `low` and `high` is an estimate and its 95 % interval, empty where there is none; `n` is how many samples
+went into it; `thesis` is the thesis's number, empty where it gives none. A `setting` is `name=value` pairs joined by
+`;`, and those with a `seed` tell of one training alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pandas as pd
+
+from p2l.evaluation.statistics import Interval, wilson_interval
+
+COLUMNS = ("method", "setting", "metric", "mean", "low", "high", "n", "thesis")
+Row = tuple[str, str, str, float, float, float, int]
+
+
+def single_row(method: str, setting: str, metric: str, value: float, n: int = 1) -> Row:
+    """A number without an interval."""
+    return method, setting, metric, float(value), np.nan, np.nan, n
+
+
+def interval_row(method: str, setting: str, metric: str, interval: Interval) -> Row:
+    """A mean with its limits."""
+    return method, setting, metric, float(interval.mean), float(interval.low), float(interval.high), interval.n
+
+
+def rate_row(method: str, setting: str, metric: str, successes: int, trials: int) -> Row:
+    """A rate with Wilson limits; all three are empty where nothing was tried."""
+    if not trials:
+        return method, setting, metric, np.nan, np.nan, np.nan, 0
+    low, high = wilson_interval(successes, trials)
+    return method, setting, metric, successes / trials, float(low), float(high), trials
+
+
+def table_of(rows: Sequence[Row] | pd.DataFrame) -> pd.DataFrame:
+    """A table of all `COLUMNS` but the thesis's number (see `evaluation.thesis.Thesis.beside`), each of its type."""
+    table = pd.DataFrame(rows, columns=list(COLUMNS[:-1]))
+    return table.astype({"mean": float, "low": float, "high": float, "n": int})
+
+
+def joined(*parts: str) -> str:
+    """A setting of those parts that say something."""
+    return ";".join(part for part in parts if part)

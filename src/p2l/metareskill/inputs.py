@@ -1,0 +1,83 @@
+"""What chapter 4's stages work on, read and checked: the world with its preconditions, failures and their modes."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from p2l.contracts.world import symbols_of
+from p2l.failures.classifier import load_modes
+from p2l.failures.record import Failures, check_pair, check_params, load_failures, open_world
+from p2l.metareskill.learn import Rewards, Setting, members, start_graph
+from p2l.metareskill.query import QueryOptions
+from p2l.metareskill.target import RecoveryTask
+from p2l.preconditions.record import load_preconditions
+
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Files:
+    """What the stages before have left.
+
+    Attributes:
+        failures: to train from.
+        held_out: to measure on.
+        modes: of failures.
+        preconditions: of nominal skills.
+    """
+
+    failures: Path
+    held_out: Path
+    modes: Path
+    preconditions: Path
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """Everything that all seeds and choosers share, and the failures as they were recorded."""
+
+    setting: Setting
+    train: Failures
+    held_out: Failures
+
+
+def open_inputs(
+    files: Files,
+    world: str,
+    params: Mapping[str, Any],
+    rewards: Rewards,
+    options: QueryOptions,
+    trials: int,
+    *,
+    residual: bool,
+) -> Inputs:
+    """Read and check every input; nothing is computed before all of them fit together.
+
+    Args:
+        files: to be read.
+        world: name or target.
+        params: of the world.
+        rewards: of the skill graph.
+        options: of queries.
+        trials: see `Setting`.
+        residual: see `Setting`.
+
+    Raises:
+        ArtifactError: missing, damaged, or not of one and the same world, discovery and clustering.
+    """
+    train, held_out = load_failures(files.failures, "train"), load_failures(files.held_out, "held_out")
+    check_params(train, world, params, files.failures)
+    check_pair(train, held_out, files.held_out)
+    there, _ = open_world(train, files.failures)
+    modes = load_modes(files.modes, there)
+    task = RecoveryTask(there, symbols_of(there), load_preconditions(files.preconditions, there))
+    failures, dropped = members(task, train, modes)
+    tests, dropped_tests = members(task, held_out, modes)
+    if dropped + dropped_tests:
+        log.info("left out, since a learnt precondition holds: %d and %d held-out failures", dropped, dropped_tests)
+    graph = start_graph(task, failures, modes, rewards)
+    return Inputs(Setting(task, modes, failures, tests, graph, options, trials, residual), train, held_out)

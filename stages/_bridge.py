@@ -1,0 +1,62 @@
+"""Between a stage's configuration, the records of `p2l`, and the tracker."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Mapping
+from importlib.util import find_spec
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pydantic import BaseModel
+
+from p2l.artifacts import config_hash, write_text
+from p2l.closure import code_digest
+from p2l.tracking import Tracker
+from stages import ROOT
+
+if TYPE_CHECKING:  # who leaves no figures needs no matplotlib
+    from p2l.evaluation.sheets import StageReport
+
+TIMES_FILE = "times.json"  # beside the outputs, and none of them: it differs from machine to machine
+
+
+def code_of(name: str, records: Path | None, *targets: str) -> str:
+    """Hash of the code behind a stage's own records; empty for committed ones, which outlive harmless edits.
+
+    The rooms' VERSION marks the edits that committed records do not outlive.
+
+    Args:
+        name: of the stage.
+        records: folder of committed records, if there is one.
+        targets: worlds, learners or choosers by name; the modules of those that are not ours count, too.
+    """
+    if records:
+        return ""
+    digests = [code_digest(f"stages.{name}", {"stages": ROOT / "stages"})]
+    for module in sorted({target.partition(":")[0] for target in targets if ":" in target}):
+        found = find_spec(module)
+        if found is not None and found.origin is not None:
+            digests.append(Path(found.origin).read_text(encoding="utf-8"))
+    return config_hash(digests)
+
+
+def fields_of(cfg: BaseModel, record: type[Any]) -> dict[str, Any]:
+    """The values of a configuration that a frozen record has fields for."""
+    return {field.name: getattr(cfg, field.name) for field in dataclasses.fields(record) if hasattr(cfg, field.name)}
+
+
+def tell(track: Tracker, report: StageReport) -> None:
+    """Hand everything to the tracker."""
+    track.metrics(report.metrics)
+    for path in report.files:
+        track.artifact(path)
+    for line in report.notes:
+        track.note(line)
+
+
+def tell_times(track: Tracker, out: Path, times: Mapping[str, float]) -> None:
+    """Wall times and rates go to the tracker and to an untracked file: outputs are functions of inputs."""
+    write_text(out / TIMES_FILE, json.dumps({name: round(value, 3) for name, value in times.items()}, indent=1) + "\n")
+    track.metrics(times)

@@ -1,0 +1,82 @@
+"""What `chain_recoveries` asks of learning, and who is told of it while it goes on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager, nullcontext
+from dataclasses import dataclass
+from pathlib import Path
+
+from p2l.chaining.comparison import ChainRun, Observed, Observer, RunKey
+from p2l.chaining.mdp import Limits
+from p2l.chaining.ppo import PPOSettings
+from p2l.chaining.record import Learnt
+from p2l.chaining.train import TrainSettings
+from p2l.schema import ChainRecoveriesConfig
+from p2l.tracking import Tracker
+from stages._child import child
+from stages._progress import training
+
+
+def chain_run(cfg: ChainRecoveriesConfig, name: str | None = None, seed: int | None = None) -> ChainRun:
+    """One run: that of `learner`, or of one of those that are compared."""
+    one = cfg.alone(name, seed)
+    ppo = PPOSettings(**one.ppo.model_dump())
+    budget = round(one.budget * one.learner.budget_share)
+    return ChainRun(
+        item=one.item,
+        name=name or one.learner.name,
+        learner=one.learner.key,
+        params=one.learner.params,
+        seed=one.seed,
+        config_hash=one.hash,
+        settings=TrainSettings(budget, one.slots, one.evaluation.every, one.evaluation.episodes, ppo, one.revisit),
+        limits=Limits(**one.limits.model_dump()),
+        narrowest=one.narrowest,
+        nthread=one.world.params.get("nthread"),
+    )
+
+
+@dataclass(frozen=True)
+class _Told:
+    """Tells the tracker and the progress bar."""
+
+    track: Tracker
+    show: Callable[[int, float | None], None]
+
+    def row(self, kind: str, row: Mapping[str, float]) -> None:
+        """See `Observer`."""
+        steps = int(row["control_steps"])
+        if kind == "resumed":
+            self.show(steps, None)
+            return
+        numbers = {name.replace("+", "plus "): value for name, value in row.items() if name != "control_steps"}
+        self.track.metrics({f"{kind}/{name}": value for name, value in numbers.items()}, step=steps)
+        if kind == "round":
+            self.show(steps, row["done"] / max(row["ended"], 1))
+
+    def note(self, text: str) -> None:
+        """See `Observer`."""
+        self.track.note(text)
+
+
+def observed(cfg: ChainRecoveriesConfig, track: Tracker, *, alone: bool = False) -> Observed:
+    """Opens a run's progress bar and, for each of those that are compared, its child run."""
+
+    @contextmanager
+    def opened(one: ChainRun, folder: Path) -> Iterator[Observer]:
+        mine = nullcontext(track) if alone else child(track, cfg, "chain_recoveries", one.name, one.seed, folder)
+        with mine as tracker, training(f"{cfg.item} {one.name} s{one.seed}", one.settings.budget) as show:
+            yield _Told(tracker, show)
+
+    return opened
+
+
+def told(track: Tracker) -> Callable[[RunKey, Learnt], None]:
+    """Tells the tracker what came out of each run."""
+
+    def tell(key: RunKey, learnt: Learnt) -> None:
+        numbers = {name: value for name, value in {**learnt.facts, **learnt.times}.items() if value is not None}
+        track.metrics({f"{key[0]}/s{key[1]}/{name}": value for name, value in numbers.items()})
+
+    return tell

@@ -1,0 +1,44 @@
+"""Which stages every item goes through, and the resolved configuration of one stage of one item."""
+
+from __future__ import annotations
+
+from hydra import compose
+from hydra.errors import HydraException
+from omegaconf import OmegaConf
+
+from p2l.errors import ConfigError
+from p2l.schema import SCHEMAS, ConfigStageConfig, resolve, validate
+
+DOMAIN_STAGES = ("collect", "fit_transfer", "plan", "evaluate_team")
+WORLD_STAGES = ("discover", "cluster")
+RECOVERY_STAGES = ("fit_preconditions", "learn_recoveries", "evaluate_recoveries")
+CHAIN_STAGES = ("chain_recoveries", "evaluate_chains")
+STAGES = (*DOMAIN_STAGES, *WORLD_STAGES, *RECOVERY_STAGES, *CHAIN_STAGES, "report")
+# Where the pipeline asks for more than a person does, whose runs are single ones.
+ASKED = {"chain_recoveries": ("compare=${experiment.chain.learners}", "seeds=${experiment.chain.seeds}")}
+
+
+def stages_of(cfg: ConfigStageConfig, world: str) -> tuple[str, ...]:
+    """What a world goes through."""
+    recovery = RECOVERY_STAGES if world in cfg.recovery_worlds else ()
+    return (*WORLD_STAGES, *recovery, *(CHAIN_STAGES if world in cfg.chain_worlds else ()))
+
+
+def choices(cfg: ConfigStageConfig, name: str, world: str) -> list[str]:
+    """Overrides of one stage of one world."""
+    chosen = [f"world={world}", f"item={world}", f"experiment={cfg.preset}"]
+    if name == "cluster" and world in cfg.recovery_worlds:
+        chosen.append(f"preconditions=data/fit_preconditions/{world}/preconditions.npz")
+    return chosen
+
+
+def composed(cfg: ConfigStageConfig, name: str, chosen: list[str]) -> str:
+    """The resolved YAML of one stage of one item, checked by its schema; Hydra is up already, in `conf/`."""
+    overrides = [*chosen, *ASKED.get(name, ()), f"seed={cfg.seed}", *cfg.overrides.get(name, ())]
+    where = f"conf/{name}.yaml with {' '.join(overrides)}"
+    try:
+        plain = resolve(compose(config_name=name, overrides=overrides))
+    except HydraException as error:
+        raise ConfigError(f"{where}: {error}") from error
+    checked = validate(plain, SCHEMAS[name], where)
+    return OmegaConf.to_yaml(OmegaConf.create(checked.model_dump(mode="json")))

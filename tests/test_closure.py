@@ -1,0 +1,92 @@
+"""Dependencies that are computed: what a stage imports, what `dvc.yaml` declares, and what the ledger hashes."""
+
+import re
+from pathlib import Path
+
+import pytest
+import yaml
+
+from p2l.closure import closure, code_digest
+from p2l.errors import P2LError
+
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGES = {"stages": ROOT / "stages"}
+CODE = ("src/", "stages/")
+BESIDES = {"config": {"src/p2l/schema"}}  # what is left out of all closures is what this stage is about
+
+
+def declared():
+    """Stage of `dvc.yaml` → module, and its dependencies on code."""
+    stages = yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"]
+    for name, stage in stages.items():
+        module = re.search(r"python -m (stages\.\w+)", stage["cmd"]).group(1)
+        yield name, module, [dep for dep in stage["deps"] if dep.startswith(CODE)]
+
+
+def undeclared(module, deps):
+    """Files that a stage imports and that lie under none of its dependencies."""
+    files = [file.relative_to(ROOT).as_posix() for file in closure(module, PACKAGES)]
+    return [file for file in files if not any(file == dep or file.startswith(f"{dep}/") for dep in deps)]
+
+
+@pytest.mark.parametrize(("name", "module", "deps"), list(declared()), ids=[name for name, *_ in declared()])
+def test_a_stage_declares_what_it_imports_and_nothing_else(name, module, deps):
+    assert not undeclared(module, deps), f"{name}: add a room of dvc.yaml for each of these"
+    for dep in set(deps) - BESIDES.get(name, set()):
+        fewer = [other for other in deps if other != dep]
+        assert undeclared(module, fewer), f"{name}: nothing under {dep} is imported; take the line out of dvc.yaml"
+    for dep in deps:
+        assert (ROOT / dep).exists(), f"{name}: {dep} does not exist"
+
+
+@pytest.fixture
+def package(tmp_path):
+    """A package of a stage, its helper in a room, and a module that it does not import."""
+    files = {
+        "__init__.py": '"""A package."""\n',
+        "stage.py": "from typing import TYPE_CHECKING\nimport toy.room.helper\nif TYPE_CHECKING:\n import toy.types\n",
+        "types.py": "x = 1\n",
+        "room/__init__.py": "",
+        "room/helper.py": "def run():\n    from toy.room import late\n    return late.steps\n",
+        "room/late.py": "steps = 1\n",
+        "other.py": "y = 2\n",
+    }
+    for name, text in files.items():
+        (tmp_path / "toy" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "toy" / name).write_text(text)
+    return {"toy": tmp_path / "toy"}
+
+
+def test_imports_inside_functions_count_and_those_for_type_checkers_do_not(package):
+    names = [file.relative_to(package["toy"]).as_posix() for file in closure("toy.stage", package)]
+    assert names == ["room/helper.py", "room/late.py", "stage.py"]
+
+
+def test_the_digest_follows_every_file_of_the_closure_and_no_other(package):
+    before = code_digest("toy.stage", package)
+    (package["toy"] / "other.py").write_text("y = 3\n")
+    (package["toy"] / "types.py").write_text("x = 3\n")
+    assert code_digest("toy.stage", package) == before
+    (package["toy"] / "room" / "late.py").write_text("steps = 0\n")
+    assert code_digest("toy.stage", package) != before
+
+
+def test_what_does_not_exist_is_refused(package):
+    with pytest.raises(P2LError, match=r"module 'toy\.nowhere' does not exist"):
+        closure("toy.nowhere", package)
+    (package["toy"] / "stage.py").write_text("import toy.room.gone\n")
+    with pytest.raises(P2LError, match=r"module 'toy\.room\.gone' does not exist"):
+        closure("toy.stage", package)
+
+
+def test_a_change_where_episodes_are_made_changes_the_digest(monkeypatch):
+    """`steps = 0`, planted where the episodes of chapter 5 are run, once left the digest as it was."""
+    before = code_digest("stages.evaluate_chains", PACKAGES)
+    planted, read = ROOT / "src" / "p2l" / "chaining" / "episodes.py", Path.read_text
+    assert planted in closure("stages.evaluate_chains", PACKAGES)
+    monkeypatch.setattr(
+        Path,
+        "read_text",
+        lambda path, *given, **named: read(path, *given, **named) + "\nsteps = 0\n" * (path == planted),
+    )
+    assert code_digest("stages.evaluate_chains", PACKAGES) != before
