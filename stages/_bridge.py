@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Mapping
+import logging
+from collections.abc import Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -47,13 +48,15 @@ def fields_of(cfg: BaseModel, record: type[Any]) -> dict[str, Any]:
     return {field.name: getattr(cfg, field.name) for field in dataclasses.fields(record) if hasattr(cfg, field.name)}
 
 
-def tell(track: Tracker, report: StageReport) -> None:
-    """Hand everything to the tracker."""
+def tell(track: Tracker, report: StageReport, log: logging.Logger | None = None, more: Sequence[Path] = ()) -> None:
+    """Hand everything to the tracker, `more` files too; notes also go to the log, if there is one."""
     track.metrics(report.metrics)
-    for path in report.files:
+    for path in (*report.files, *more):
         track.artifact(path)
     for line in report.notes:
         track.note(line)
+        if log is not None:
+            log.warning(line)
 
 
 def tell_times(track: Tracker, out: Path, times: Mapping[str, float]) -> None:

@@ -52,11 +52,7 @@ def run(cfg: LearnRecoveriesConfig, out: Path, track: Tracker) -> None:
             if seed == cfg.seeds[0]:
                 films = film(cfg, inputs, learnt, out / "videos")
     summary = learning_report(out, cfg.item, setting, histories, cfg.compare)
-    tell(track, summary)
-    for path in films:
-        track.artifact(path)
-    for line in summary.notes:
-        log.warning(line)
+    tell(track, summary, log, films)
 
 
 if __name__ == "__main__":

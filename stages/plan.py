@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
-import pandas as pd
-
-from p2l.artifacts import atomic, load_arrays, save_json, save_table
+from p2l.artifacts import load_arrays, save_json, save_table
 from p2l.records import TransferData
 from p2l.schema import PlanConfig
 from p2l.team.planners import plan
@@ -30,36 +27,25 @@ def _own_tasks(cfg: PlanConfig, tasks: Path, transfer: Path, out: Path, track: T
 
     problem = read_problem(tasks, transfer, cfg.order)
     options = {"theta": cfg.theta} if cfg.planner == "cba" else {}
-    made = plan(problem, cfg.planner, time_limit_s=cfg.time_limit_s, gap=cfg.gap, **options)
-    reasons = explain(problem, made)
-    with TemporaryDirectory() as folder:  # whatever can fail comes before the first file
-        drawn = Path(folder) / "plan.png"
-        save_plan_figure(drawn, problem, made)
-        picture = drawn.read_bytes()
-    write_plan(out, problem, made)
-    with atomic(out / "plan.png") as temporary:
-        temporary.write_bytes(picture)
-    track.metrics({"objective": made.objective, "lower_bound": made.lower_bound, "seconds": made.seconds})
+    day = plan(problem, cfg.planner, time_limit_s=cfg.time_limit_s, gap=cfg.gap, **options)
+    reasons = explain(problem, day)
+    save_plan_figure(out / "plan.png", problem, day)  # whatever can fail comes before the first file
+    write_plan(out, problem, day)
+    track.metrics({"objective": day.objective, "lower_bound": day.lower_bound, "seconds": day.seconds})
     track.artifact(out / "plan.png")
     print(reasons)
     print(f"Written to {out}: plan.csv, plan.json, plan.png")
 
 
 def _study_sets(cfg: PlanConfig, out: Path, track: Tracker) -> None:
-    from p2l.contracts.domain import Tasks
     from p2l.domains.table import make_domain
-    from p2l.team.execute import predicted_plans
-    from p2l.team.study import make_block, tune_theta
+    from p2l.team.execute import study_plans
     from p2l.transfer.model import load_transfer_model
 
     domain, study = make_domain(cfg.domain.key, cfg.domain.params), cfg.study.study()
     model = load_transfer_model(cfg.transfer_model, feature_names=domain.feature_names, encoding=domain.encoding)
-    seen = TransferData.from_arrays(load_arrays(cfg.transfer_data, schema="transfer_data", version=1))
-    pool = Tasks(seen.names, seen.features, seen.group)
-    thetas = {regime.name: tune_theta(study, regime, pool, model.predict, cfg.seed) for regime in study.regimes}
-    blocks = [make_block(domain, study, cfg.seed, index) for index in range(study.blocks)]
-    limit = cfg.time_limit_s
-    plans = pd.concat([predicted_plans(study, cfg.seed, block, model.predict, thetas, limit) for block in blocks])
+    collected = TransferData.from_arrays(load_arrays(cfg.transfer_data, schema="transfer_data", version=1))
+    thetas, plans = study_plans(domain, study, cfg.seed, collected, model.predict, cfg.time_limit_s)
     save_table(out / "plans.parquet", plans, schema="plans", version=1)
     save_json(out / "summary.json", {"thetas": thetas, "plans": len(plans)}, schema="plan_summary", version=1)
     track.metrics({f"{name}/best_theta": theta for name, theta in thetas.items()})

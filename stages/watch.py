@@ -6,7 +6,7 @@ from pathlib import Path
 
 from p2l.evaluation.video.player import VideoOptions, backend, play
 from p2l.failures.discovery import nominal_run, replay
-from p2l.failures.record import Failures, load_failures, one_failure, open_world
+from p2l.failures.record import load_failures, one_failure, open_world
 from p2l.schema import WatchConfig
 from p2l.seeding import generator
 from p2l.tracking import Tracker
@@ -32,7 +32,7 @@ def _execution(cfg: WatchConfig, file: Path) -> str:
         path, done = nominal_run(world, world.nominal_options(), start)
         caption = "a nominal run that reaches its goal" if done else "a nominal run that does not reach its goal"
     else:
-        one = _recorded(cfg, cfg.failure)
+        one = one_failure(load_failures(cfg.failures), cfg.failure, cfg.world.key, cfg.failures)
         world, nominal = open_world(one, cfg.failures)
         path, done = replay(world, nominal, one)[0], False
         caption = f"failure {cfg.failure}: {one.kind_names()[0]} in {one.option_names()[0]} after {one.time_s[0]:.2f} s"
@@ -46,16 +46,15 @@ def _recovery(cfg: WatchConfig, folder: Path, file: Path) -> str:
     from p2l.evaluation.video.chains import film_side_by_side
 
     world = make_world(cfg.world.key, cfg.world.params)
-    one = None if cfg.failure is None else _recorded(cfg, cfg.failure)
+    one = (
+        None
+        if cfg.failure is None
+        else one_failure(load_failures(cfg.failures), cfg.failure, cfg.world.key, cfg.failures)
+    )
     rng = generator(cfg.seed, "watch", world.name, "recovery")
     clips = policy_clips(world, folder, one, cfg.failures, rng, transfer=cfg.transfer)
-    video, whole = VideoOptions(**cfg.video.model_dump()), clips.whole_task
-    film_side_by_side(file, world, clips.failure, clips.recovery, video, whole_task=whole)
-    return f"{clips.failure.told}; {clips.recovery.told}: {', '.join(clips.recovery.actions)}"
-
-
-def _recorded(cfg: WatchConfig, number: int) -> Failures:
-    return one_failure(load_failures(cfg.failures), number, cfg.world.key, cfg.failures)
+    video = VideoOptions(**cfg.video.model_dump())
+    return film_side_by_side(file, world, clips.failure, clips.recovery, video, whole_task=clips.whole_task)
 
 
 if __name__ == "__main__":

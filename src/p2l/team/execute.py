@@ -19,9 +19,9 @@ import numpy as np
 import pandas as pd
 
 from p2l.artifacts import config_hash
-from p2l.contracts.domain import Domain, Progress
+from p2l.contracts.domain import Domain, Progress, Tasks
 from p2l.ledger import Item, find, write
-from p2l.records import Array, IntArray, freeze
+from p2l.records import Array, IntArray, TransferData, freeze
 from p2l.seeding import generator
 from p2l.team.problem import Decision, Plan
 from p2l.team.study import (
@@ -32,9 +32,11 @@ from p2l.team.study import (
     Study,
     TaskSet,
     cases,
+    make_block,
     make_problem,
     solve,
     task_sets,
+    tune_theta,
 )
 
 # Part of every truth record's hash: raise it when simulator, world or learner give other outcomes than before.
@@ -69,6 +71,25 @@ def measure_truth(domain: Domain, study: Study, seed: int, block: Block, progres
     rng = generator(seed, "evaluate", domain.name, "draws", block.index)
     outcome = domain.evaluate(skills, tasks, block.pool, 2 * study.draws, rng, progress)
     return Truth(outcome[..., : study.draws].mean(-1), outcome[..., study.draws :].mean(-1))
+
+
+def study_plans(
+    domain: Domain, study: Study, seed: int, collected: TransferData, predict: Predictor, limit_s: float
+) -> tuple[dict[str, float], pd.DataFrame]:
+    """CBA's best threshold by regime, and plans of every method for every case of all blocks.
+
+    Args:
+        domain: of the tasks.
+        study: what is compared.
+        seed: of the experiment.
+        collected: tasks that thresholds are tuned on.
+        predict: success from features of the taught and the tested tasks.
+        limit_s: wall seconds of each planner.
+    """
+    pool = Tasks(collected.names, collected.features, collected.group)
+    thetas = {regime.name: tune_theta(study, regime, pool, predict, seed) for regime in study.regimes}
+    blocks = [make_block(domain, study, seed, index) for index in range(study.blocks)]
+    return thetas, pd.concat([predicted_plans(study, seed, block, predict, thetas, limit_s) for block in blocks])
 
 
 def predicted_plans(

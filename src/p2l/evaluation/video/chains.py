@@ -28,8 +28,8 @@ INK = (245, 245, 245)
 
 def film_side_by_side(
     file: Path, world: World, failure: Clip, recovery: Clip, options: VideoOptions, *, whole_task: bool = False
-) -> None:
-    """Write the video.
+) -> str:
+    """Write the video; returns what it shows, in words.
 
     Args:
         file: `.mp4` to write.
@@ -52,6 +52,7 @@ def film_side_by_side(
     count = max(len(left), len(right)) + round(options.hold_s * fps)
     pairs = [(left[min(k, len(left) - 1)], right[min(k, len(right) - 1)]) for k in range(count)]
     save_video(file, np.stack([np.concatenate(pair, axis=1) for pair in pairs]), fps)
+    return f"{failure.told}; {recovery.told}: {', '.join(recovery.actions)}"
 
 
 def _captioned(camera: Camera, clip: Clip, every: int) -> list[Frames]:

@@ -34,9 +34,9 @@ def film_reuse(
         video: how.
     """
     empty_folder(folder)
-    file, told = folder / "reuse.mp4", f"{failure.told}; {recovery.told}: {', '.join(recovery.actions)}"
+    file = folder / "reuse.mp4"
     try:
-        film_side_by_side(file, world, failure, recovery, video)
+        told = film_side_by_side(file, world, failure, recovery, video)
     except NoGLError as error:
         log.warning("%s", error)
         skip(folder, str(error))
