@@ -33,11 +33,12 @@ $(STAMP): requirements.lock
 repro: $(STAMP) ## run the whole pipeline (preset of conf/pipeline.yaml); only what changed
 	$(BIN)/dvc repro
 
-lint: $(STAMP) ## ruff, mypy --strict, import-linter
+lint: $(STAMP) ## ruff, mypy --strict, import-linter, repeated code
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/python -m pylint --disable=all --enable=duplicate-code --min-similarity-lines=10 --score=n src/p2l
 
 test: lint ## lint, then every test, with a smoke run of the pipeline in a temporary clone
 	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder # a file's tests share a set-up; the longest file comes early

@@ -33,62 +33,62 @@ from p2l.chaining.train import card_of
 from p2l.contracts.world import NO_FAILURE
 from p2l.errors import ConfigError
 from p2l.skills import chain
-from p2l.worlds.table import WORLDS, make_world
+from p2l.worlds.table import make_world
 
 CONF = Path(__file__).resolve().parents[1] / "conf"
 STARTS = 400  # nominal executions, to find failures
 
 
-class Timed(PoolPPO):
-    """Keeps the time that updates take."""
+class TimedPPO(PoolPPO):
+    """PPO that measures the time of its updates."""
 
     update_s = 0.0
 
     def train(self) -> None:
         """One update."""
-        began = time.perf_counter()
+        start = time.perf_counter()
         super().train()
-        self.update_s += time.perf_counter() - began
+        self.update_s += time.perf_counter() - start
 
 
 def settings(world: str) -> DictConfig:
     """Those of `conf/` for a world."""
-    made, own = OmegaConf.load(CONF / "chain_recoveries.yaml"), CONF / "chaining" / f"{world}.yaml"
-    return OmegaConf.merge(made, OmegaConf.load(own)) if own.is_file() else made  # type: ignore[return-value]
+    defaults, own = OmegaConf.load(CONF / "chain_recoveries.yaml"), CONF / "chaining" / f"{world}.yaml"
+    return OmegaConf.merge(defaults, OmegaConf.load(own)) if own.is_file() else defaults  # type: ignore[return-value]
 
 
-def opened(name: str, threads: int) -> ChainTask:
+def chain_task(name: str, threads: int) -> ChainTask:
     """A world with failures at the detectors' first flag.
 
     Raises:
-        ConfigError: none was found.
+        ConfigError: there are none.
     """
     world = make_world(name, {"nthread": threads})
     nominal = world.nominal_options()
     last = chain.run(world, nominal, world.sample(np.random.default_rng(0), STARTS)).last
-    failed = last.take(last.kind != NO_FAILURE).rows
-    if not len(failed):
+    failures = last.take(last.kind != NO_FAILURE).rows
+    if not len(failures):
         raise ConfigError(f"{STARTS} nominal executions of world '{name}' raised no flag; choose another world")
-    return ChainTask(world, nominal, failed, 0)
+    return ChainTask(world, nominal, failures, 0)
 
 
-def trained(task: ChainTask, name: str, budget: int) -> tuple[Timed, float]:
+def train(task: ChainTask, name: str, budget: int) -> tuple[TimedPPO, float]:
     """A training always by the same seed, and its wall time; what comes before it is outside the time."""
-    given = settings(task.world.name)
-    learner = make_learner(name, task, Limits(**given.limits))
-    pool = learner.pool(task, np.random.default_rng(0), given.slots, given.revisit)
-    seen = card_of(task, learner, name, "", given.narrowest).normalisation
-    model = Timed(pool, PPOSettings(**given.ppo), seen, 0, learner.shortcut)
-    began = time.perf_counter()
+    config = settings(task.world.name)
+    learner = make_learner(name, task, Limits(**config.limits))
+    pool = learner.pool(task, np.random.default_rng(0), config.slots, config.revisit)
+    normalisation = card_of(task, learner, name, "", config.narrowest).normalisation
+    model = TimedPPO(pool, PPOSettings(**config.ppo), normalisation, 0, learner.shortcut)
+    start = time.perf_counter()
     model.learn(budget, log_interval=10**9)
-    return model, time.perf_counter() - began
+    return model, time.perf_counter() - start
 
 
 def measure(name: str, learner: str, budget: int, rounds: int, threads: int) -> report.Row:
     """Training and replay in turns."""
-    task = opened(name, threads)
+    task = chain_task(name, threads)
     with Recorder(task.world) as recorder:
-        trained(task, learner, budget)
+        train(task, learner, budget)
     # Preconditions and the first states, learnt before training begins, are recorded first; the budget ends the rest.
     calls, rows = [], 0
     for call in reversed(recorder.calls):
@@ -97,26 +97,26 @@ def measure(name: str, learner: str, budget: int, rounds: int, threads: int) -> 
         calls.append(call)
         rows += len(call[0])
     calls.reverse()
-    taken: list[tuple[float, float, float, int]] = []
+    measurements: list[tuple[float, float, float, int]] = []
     for _ in range(rounds):
-        model, spent = trained(task, learner, budget)
-        began = time.perf_counter()
+        model, seconds = train(task, learner, budget)
+        start = time.perf_counter()
         for call in calls:
             task.world.engine.step(*call)
-        replay = (time.perf_counter() - began) * model.num_timesteps / rows
-        taken.append((spent, replay, model.update_s, model.num_timesteps))
+        replay = (time.perf_counter() - start) * model.num_timesteps / rows
+        measurements.append((seconds, replay, model.update_s, model.num_timesteps))
     return {
         "world": name,
         "learner": learner,
-        "control_steps": taken[0][3],
+        "control_steps": measurements[0][3],
         "rows": round(rows / len(calls), 1),
         "threads": threads,
-        "train_s": round(median(one[0] for one in taken), 2),
-        "engine_s": round(median(one[1] for one in taken), 2),
-        "engine_share": round(median(one[1] / one[0] for one in taken), 3),
-        "update_share": round(median(one[2] / one[0] for one in taken), 3),
-        "control_steps_per_s": round(median(one[3] / one[0] for one in taken)),
-        "half_million_min": round(median(one[0] / one[3] for one in taken) * 500_000 / 60, 2),
+        "train_s": round(median(one[0] for one in measurements), 2),
+        "engine_s": round(median(one[1] for one in measurements), 2),
+        "engine_share": round(median(one[1] / one[0] for one in measurements), 3),
+        "update_share": round(median(one[2] / one[0] for one in measurements), 3),
+        "control_steps_per_s": round(median(one[3] / one[0] for one in measurements)),
+        "half_million_min": round(median(one[0] / one[3] for one in measurements) * 500_000 / 60, 2),
     }
 
 
@@ -127,19 +127,19 @@ def main(arguments: list[str] | None = None) -> None:
         ConfigError: the nominal skills of a world raise no flag.
     """
     parser = report.parser(__doc__)
-    parser.add_argument("--worlds", nargs="+", choices=WORLDS.names(), default=["pick_place", "shelf"])
+    parser.add_argument("--worlds", nargs="+", type=report.known_world, default=["pick_place", "shelf"])
     parser.add_argument("--learners", nargs="+", choices=LEARNERS.names(), default=["rc"])
     parser.add_argument("--budget", type=int, default=15_000, help="control steps")
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--rounds", type=int, default=3)
-    given = parser.parse_args(arguments)
+    args = parser.parse_args(arguments)
     torch.set_num_threads(1)  # as in training
     rows = [
-        measure(world, learner, given.budget, given.rounds, given.threads)
-        for world in given.worlds
-        for learner in given.learners
+        measure(world, learner, args.budget, args.rounds, args.threads)
+        for world in args.worlds
+        for learner in args.learners
     ]
-    report.finish(rows, given.json)
+    report.finish(rows, args.json)
 
 
 if __name__ == "__main__":

@@ -31,59 +31,59 @@ def run(name: str, params: dict[str, Any], episodes: int, seed: int, *, stop: bo
     """One row of the table, and the outcome of each episode."""
     world = make_world(name, params)
     rows = world.sample(np.random.default_rng(seed), episodes)
-    began = time.perf_counter()
-    done = chain.run(world, world.nominal_options(), rows, stop_on_failure=stop, slots=128)
-    seconds = time.perf_counter() - began
-    valid = ~done.diverged
-    low, high = wilson_interval(done.success[valid].sum(), valid.sum())
-    failed = first_flags(done)[valid & ~done.success]
+    start = time.perf_counter()
+    execution = chain.run(world, world.nominal_options(), rows, stop_on_failure=stop, slots=128)
+    seconds = time.perf_counter() - start
+    valid = ~execution.diverged
+    low, high = wilson_interval(execution.success[valid].sum(), valid.sum())
+    kinds = first_flags(execution)[valid & ~execution.success]
     names = dict(enumerate(world.failure_kinds)) | {NO_FAILURE: "no flag"}
-    shares = {name: (failed == index).mean() for index, name in names.items() if (failed == index).any()}
+    shares = {name: (kinds == index).mean() for index, name in names.items() if (kinds == index).any()}
     return {
         "world": name,
         "estimator": world.estimator.mode,
         "timestep_s": world.engine.timestep_s,
         "episodes": len(rows),
-        "diverged": int(done.diverged.sum()),
-        "success_percent": round(100.0 * done.success[valid].mean(), 1),
+        "diverged": int(execution.diverged.sum()),
+        "success_percent": round(100.0 * execution.success[valid].mean(), 1),
         "low": round(100.0 * float(low), 1),
         "high": round(100.0 * float(high), 1),
-        "control_steps": round(float(done.last.step.mean()), 1),
-        "path_m": round(float(done.last.path_m.mean()), 2),
+        "control_steps": round(float(execution.last.step.mean()), 1),
+        "path_m": round(float(execution.last.path_m.mean()), 2),
         "episodes_per_s": round(len(rows) / seconds, 1),
         "of_failures": ", ".join(f"{name} {100.0 * share:.0f} %" for name, share in shares.items()),
-    }, done.success
+    }, execution.success
 
 
-def first_flags(done: chain.Execution) -> IntArray:
+def first_flags(execution: chain.Execution) -> IntArray:
     """[N] kind of the first flag of each episode, whichever option it was raised in."""
-    kinds = np.full(len(done), NO_FAILURE, dtype=np.int64)
-    flagged = done.ends.take(done.ends.kind != NO_FAILURE)
-    kinds[flagged.episode[::-1]] = flagged.kind[::-1]
+    kinds = np.full(len(execution), NO_FAILURE, dtype=np.int64)
+    flags = execution.ends.take(execution.ends.kind != NO_FAILURE)
+    kinds[flags.episode[::-1]] = flags.kind[::-1]
     return kinds
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Command line."""
     parser = report.parser(__doc__)
-    parser.add_argument("--worlds", nargs="+", choices=WORLDS.names(), default=list(WORLDS.names()))
+    parser.add_argument("--worlds", nargs="+", type=report.known_world, default=list(WORLDS.names()))
     parser.add_argument("--episodes", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--timestep", type=float, metavar="S", help="second time step to compare with, row by row")
-    given = parser.parse_args(arguments)
+    args = parser.parse_args(arguments)
     table: list[report.Row] = []
-    for name in given.worlds:
+    for name in args.worlds:
         exact = {"estimator": "exact", **EXACT.get(name, {})}
         for label, params in (("exact", exact), ("uncertain", {})):
             stop = label == "uncertain" and name not in OPEN_LOOP
-            row, success = run(name, params, given.episodes, given.seed, stop=stop)
+            row, success = run(name, params, args.episodes, args.seed, stop=stop)
             table.append({"case": label, **row})
-            if given.timestep is not None:
-                other = {**params, "timestep_s": given.timestep}
-                row, again = run(name, other, given.episodes, given.seed, stop=stop)
+            if args.timestep is not None:
+                other = {**params, "timestep_s": args.timestep}
+                row, again = run(name, other, args.episodes, args.seed, stop=stop)
                 agreement = {"same_outcome_percent": round(100.0 * (again == success).mean(), 1)}
                 table.append({"case": label, **row, **agreement})
-    report.finish(table, given.json)
+    report.finish(table, args.json)
 
 
 if __name__ == "__main__":

@@ -94,19 +94,19 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--time-limit", type=float, default=60.0, metavar="S", help="seconds per plan")
     parser.add_argument("--gap", type=float, default=0.0, help="relative gap at which to stop")
     parser.add_argument("--compare", type=int, nargs="*", default=[1000], metavar="N", help="sizes of the comparison")
-    options = parser.parse_args(arguments)
+    args = parser.parse_args(arguments)
     report.load_kernels()
     rows = [
-        measure(n, kind, order, seed, options.planner, options.time_limit, options.gap)
-        for n in options.sizes
-        for kind in options.kinds
-        for order in options.orders
-        for seed in options.seeds
+        measure(n, kind, order, seed, args.planner, args.time_limit, args.gap)
+        for n in args.sizes
+        for kind in args.kinds
+        for order in args.orders
+        for seed in args.seeds
     ]
-    for n in options.compare:
-        for kind in options.kinds:
-            rows += compare(n, kind, options.seeds[0], 10.0 * options.time_limit)
-    report.finish(rows, options.json)
+    for n in args.compare:
+        for kind in args.kinds:
+            rows += compare(n, kind, args.seeds[0], 10.0 * args.time_limit)
+    report.finish(rows, args.json)
 
 
 if __name__ == "__main__":

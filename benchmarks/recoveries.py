@@ -43,7 +43,7 @@ from p2l.metareskill.value_iteration import (
 from p2l.preconditions.backwards import ChainingOptions, chain_preconditions
 from p2l.records import Array
 from p2l.skills.relative import SIZE
-from p2l.worlds.table import WORLDS, make_world
+from p2l.worlds.table import make_world
 
 TRIALS = 50
 OPTIONS = QueryOptions(hopeless=10)  # none is given up before it has cost all there is to it
@@ -51,12 +51,12 @@ OPTIONS = QueryOptions(hopeless=10)  # none is given up before it has cost all t
 
 def seconds(work: Callable[[], object]) -> float:
     """Wall time of one call."""
-    began = time.perf_counter()
+    start = time.perf_counter()
     work()
-    return time.perf_counter() - began
+    return time.perf_counter() - start
 
 
-def opened(name: str, threads: int) -> RecoveryTask:
+def recovery_task(name: str, threads: int) -> RecoveryTask:
     """A world with preconditions from few samples: how good they are takes no part in what a query costs."""
     world = make_world(name, {"nthread": threads})
     symbols = symbols_of(world)
@@ -66,7 +66,7 @@ def opened(name: str, threads: int) -> RecoveryTask:
     )
 
 
-def asked(task: RecoveryTask, rows: Rows) -> int:
+def ask(task: RecoveryTask, rows: Rows) -> int:
     """Ask one query from each of `rows` to the goal, always the same; the number of rollouts."""
     rngs = [np.random.default_rng(q) for q in range(len(rows))]
     answers = query(task, rows, [len(task.targets) - 1] * len(rows), rngs, OPTIONS)
@@ -76,32 +76,32 @@ def asked(task: RecoveryTask, rows: Rows) -> int:
 def queries(task: RecoveryTask, counts: list[int], rounds: int) -> list[report.Row]:
     """A row for each number of queries that share their batches."""
     table: list[report.Row] = []
-    first, measured = 0.0, measurement(task, rounds)
+    first, measure_s = 0.0, measurement(task, rounds)
     for count in counts:
         rows = task.world.sample(np.random.default_rng(1), count)
         with Recorder(task.world) as recorder:
-            rollouts = asked(task, rows)
+            rollouts = ask(task, rows)
 
-        def replayed(calls: list[tuple[Array, Array, Array, Array, Any]] = recorder.calls) -> None:
+        def replay(calls: list[tuple[Array, Array, Array, Array, Any]] = recorder.calls) -> None:
             for call in calls:
                 task.world.engine.step(*call)
 
         def again(rows: Rows = rows) -> None:
-            asked(task, rows)
+            ask(task, rows)
 
-        taken = [(seconds(again), seconds(replayed)) for _ in range(rounds)]
-        whole = median(one for one, _ in taken)
+        times = [(seconds(again), seconds(replay)) for _ in range(rounds)]
+        whole = median(one for one, _ in times)
         first = first or whole / count
         table.append(
             {
                 "queries": count,
                 "rollouts": rollouts,
                 "query_s": round(whole, 3),
-                "engine_s": round(median(other for _, other in taken), 3),
-                "engine_share": round(median(other / one for one, other in taken), 3),
+                "engine_s": round(median(other for _, other in times), 3),
+                "engine_share": round(median(other / one for one, other in times), 3),
                 "per_query": round(whole / count / first, 3),
-                "measure_s": round(measured, 3),
-                "rounds_per_hour": round(3600.0 / (whole / count + measured)),
+                "measure_s": round(measure_s, 3),
+                "rounds_per_hour": round(3600.0 / (whole / count + measure_s)),
             }
         )
     return table
@@ -120,7 +120,7 @@ def exact_values(graph: SkillGraph, upper: Array) -> Array:
     """[I, M] value of failures where q of one recovery alone is `upper`, by a linear solve for each."""
     targets = value_iteration(graph).targets
     count, modes = len(targets), len(graph.sizes)
-    found = np.empty(graph.q.shape)
+    value = np.empty(graph.q.shape)
     for pair in np.ndindex(*graph.q.shape):
         q = graph.q.copy()
         q[pair] = upper[pair]
@@ -133,18 +133,18 @@ def exact_values(graph: SkillGraph, upper: Array) -> Array:
         reward[: count - 1] = graph.skill_reward - (1.0 - graph.nominal) * graph.c_fail
         system[count + mode, best] = -success
         reward[count:] = np.where(worth, graph.recovery_reward, 0.0) - (1.0 - success) * graph.c_fail
-        found[pair] = np.linalg.solve(system, reward)[count:] @ graph.share
-    return found
+        value[pair] = np.linalg.solve(system, reward)[count:] @ graph.share
+    return value
 
 
 def one_by_one(graph: SkillGraph, upper: Array) -> Array:
     """The same by value iteration on each replaced graph."""
-    found = np.empty(graph.q.shape)
+    value = np.empty(graph.q.shape)
     for pair in np.ndindex(*graph.q.shape):
         q = graph.q.copy()
         q[pair] = upper[pair]
-        found[pair] = value_of_failures(graph, q)
-    return found
+        value[pair] = value_of_failures(graph, q)
+    return value
 
 
 def values(modes: int, rounds: int) -> report.Row:
@@ -154,16 +154,16 @@ def values(modes: int, rounds: int) -> report.Row:
     upper = np.minimum(graph.q + 0.3 * rng.random(graph.q.shape), 1.0)
     difference = np.abs(predicted_value(graph, upper) - exact_values(graph, upper)).max()
     ways = (predicted_value, exact_values, one_by_one)
-    taken = [[seconds(lambda way=way: way(graph, upper)) for way in ways] for _ in range(rounds)]  # type: ignore[misc]
-    fast, exact, single = (median(column) for column in zip(*taken, strict=True))
+    times = [[seconds(lambda way=way: way(graph, upper)) for way in ways] for _ in range(rounds)]  # type: ignore[misc]
+    fast, exact, single = (median(column) for column in zip(*times, strict=True))
     return {
         "modes": modes,
         "recoveries": graph.q.size,
         "vectorised_s": round(fast, 6),
         "exact_s": round(exact, 4),
         "one_by_one_s": round(single, 4),
-        "times_exact": round(median(row[1] / row[0] for row in taken)),
-        "times_one_by_one": round(median(row[2] / row[0] for row in taken)),
+        "times_exact": round(median(row[1] / row[0] for row in times)),
+        "times_one_by_one": round(median(row[2] / row[0] for row in times)),
         "difference": float(difference),
     }
 
@@ -171,16 +171,16 @@ def values(modes: int, rounds: int) -> report.Row:
 def main(arguments: list[str] | None = None) -> None:
     """Command line."""
     parser = report.parser(__doc__)
-    parser.add_argument("--world", choices=WORLDS.names(), default="door")
+    parser.add_argument("--world", type=report.known_world, default="door")
     parser.add_argument("--queries", type=int, nargs="*", default=[1, 2, 4], help="queries that share batches")
     parser.add_argument("--modes", type=int, nargs="*", default=[6, 20, 50, 100, 200])
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--rounds", type=int, default=3)
-    given = parser.parse_args(arguments)
-    rows = [values(modes, given.rounds) for modes in given.modes]
-    if given.queries:
-        rows = queries(opened(given.world, given.threads), given.queries, given.rounds) + rows
-    report.finish(rows, given.json)
+    args = parser.parse_args(arguments)
+    rows = [values(modes, args.rounds) for modes in args.modes]
+    if args.queries:
+        rows = queries(recovery_task(args.world, args.threads), args.queries, args.rounds) + rows
+    report.finish(rows, args.json)
 
 
 if __name__ == "__main__":

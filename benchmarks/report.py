@@ -11,28 +11,38 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from p2l.artifacts import write_text
+from p2l.errors import P2LError
+from p2l.worlds.table import WORLDS
 
 Row = Mapping[str, object]
 
 
 def parser(doc: str | None) -> argparse.ArgumentParser:
     """A command line with `--json FILE`; the module's docstring is its help."""
-    made = argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
-    made.add_argument("--json", type=Path, metavar="FILE", help="also write the rows to FILE")
-    return made
+    command_line = argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
+    command_line.add_argument("--json", type=Path, metavar="FILE", help="also write the rows to FILE")
+    return command_line
+
+
+def known_world(name: str) -> str:
+    """A world's name or target, as argparse wants it checked."""
+    try:
+        return WORLDS.check(name)
+    except P2LError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
 
 
 def load_kernels() -> None:
     """Load the compiled kernels and say how long that took."""
     from p2l.team import facility
 
-    began = time.perf_counter()
+    start = time.perf_counter()
     facility.load_kernels()
-    print(f"loading: {time.perf_counter() - began:.1f} s (about 15 s once per installation, to compile)")
+    print(f"loading: {time.perf_counter() - start:.1f} s (about 15 s once per installation, to compile)")
 
 
 def finish(rows: Sequence[Row], target: Path | None) -> None:
-    """Print the rows as a table and write them to `target` if given."""
+    """Print the rows as a table and write them to `target`, if there is one."""
     columns = list(dict.fromkeys(name for row in rows for name in row))
     cells = [columns, *[[_text(row.get(name)) for name in columns] for row in rows]]
     widths = [max(len(line[column]) for line in cells) for column in range(len(columns))]

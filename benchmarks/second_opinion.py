@@ -51,8 +51,8 @@ def robosuite_chunk(
     rows = world_of(name).sample(np.random.default_rng(seed), episodes)
     part = rows.take(np.arange(first, min(first + CHUNK, episodes)))
     options = world_of(name).nominal_options()
-    done = robosuite_sim.execute(transfer_of(name, tuning), options, part, stop_on_failure=name not in OPEN_LOOP)
-    return done.success, int(done.last.step.sum())
+    execution = robosuite_sim.execute(transfer_of(name, tuning), options, part, stop_on_failure=name not in OPEN_LOOP)
+    return execution.success, int(execution.last.step.sum())
 
 
 def robosuite_success(
@@ -84,9 +84,9 @@ def compare(name: str, tuning: robosuite_sim.Tuning, episodes: int, seed: int, p
     world = world_of(name)
     rows = world.sample(np.random.default_rng(seed), episodes)
     ours = chain.run(world, world.nominal_options(), rows, stop_on_failure=name not in OPEN_LOOP).success
-    began = time.perf_counter()
+    start = time.perf_counter()
     theirs, steps = robosuite_success(name, tuning, episodes, seed, processes)
-    seconds = time.perf_counter() - began
+    seconds = time.perf_counter() - start
     return {
         "world": name,
         "environment": robosuite_sim.known_tasks()[name],
@@ -112,13 +112,13 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--tuning", nargs="+", choices=get_args(robosuite_sim.Tuning), default=["matched"])
-    given = parser.parse_args(arguments)
+    args = parser.parse_args(arguments)
     table = [
-        compare(name, tuning, given.episodes, given.seed, given.processes)
-        for name in given.worlds
-        for tuning in given.tuning
+        compare(name, tuning, args.episodes, args.seed, args.processes)
+        for name in args.worlds
+        for tuning in args.tuning
     ]
-    report.finish(table, given.json)
+    report.finish(table, args.json)
 
 
 if __name__ == "__main__":

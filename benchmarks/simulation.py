@@ -45,7 +45,7 @@ GAINS = {name: robosuite_sim.Gains(kp=(600.0,) * 6) for name in ("cluttered_shel
 
 
 class Recorder:
-    """Keeps what the engine is asked for while it works, so that the same commands can be replayed."""
+    """Records the calls of the engine, so that the same commands can be replayed."""
 
     def __init__(self, world: World) -> None:
         self.calls: list[tuple[Array, Array, Array, Array, Any]] = []
@@ -69,8 +69,8 @@ def ours(world: World, options: tuple[Option, ...], rows: int, seconds: float) -
     pool = world.sample(np.random.default_rng(0), 4 * rows)
     runner = Runner(world, options, rows)
     runner.start(np.arange(rows), pool.take(np.arange(rows)), np.zeros(rows, dtype=np.int64))
-    taken, steps, began = rows, 0, time.perf_counter()
-    while time.perf_counter() - began < seconds:
+    next_row, steps, start = rows, 0, time.perf_counter()
+    while time.perf_counter() - start < seconds:
         before = int(runner.steps_total.sum())
         events = runner.advance()
         steps += int(runner.steps_total.sum()) - before
@@ -79,18 +79,18 @@ def ours(world: World, options: tuple[Option, ...], rows: int, seconds: float) -
         if len(going):
             runner.begin(going, runner.option[going] + 1)
         if len(new := events.slot[over]):
-            fresh = np.arange(taken, taken + len(new)) % len(pool)
+            fresh = np.arange(next_row, next_row + len(new)) % len(pool)
             runner.start(new, pool.take(fresh), np.zeros(len(new), dtype=np.int64))
-            taken += len(new)
-    return float(steps * world.engine.physics_steps) / (time.perf_counter() - began)
+            next_row += len(new)
+    return float(steps * world.engine.physics_steps) / (time.perf_counter() - start)
 
 
 def limit(world: World, calls: list[tuple[Array, Array, Array, Array, Any]], seconds: float) -> float:
     """Physics steps per second of `mj_step` on one core over the recorded commands."""
     engine = world.engine
     data = [mujoco.MjData(model) for model in engine.models]
-    steps, began, at = 0, time.perf_counter(), 0
-    while time.perf_counter() - began < seconds:
+    steps, start, at = 0, time.perf_counter(), 0
+    while time.perf_counter() - start < seconds:
         states, pos, quat, control, index = calls[at % len(calls)]
         at += 7  # moments from all over the episodes
         for row in range(len(states)):
@@ -105,7 +105,7 @@ def limit(world: World, calls: list[tuple[Array, Array, Array, Array, Any]], sec
             one.ctrl[:] = control[row]
             mujoco.mj_step(model, one, nstep=engine.physics_steps)
             steps += engine.physics_steps
-    return steps / (time.perf_counter() - began)
+    return steps / (time.perf_counter() - start)
 
 
 class Theirs:
@@ -128,11 +128,11 @@ class Theirs:
     def _record(self, options: tuple[Option, ...]) -> None:
         step = self.environment.step
 
-        def kept(action: Array) -> Any:
+        def recording_step(action: Array) -> Any:
             self._actions[-1].append(action.copy())
             return step(action)
 
-        self.environment.step = kept
+        self.environment.step = recording_step
         for episode in range(EPISODES):
             self._actions.append([])
             robosuite_sim.execute(self._transfer, options, self._rows.take([episode]))
@@ -141,18 +141,18 @@ class Theirs:
 
     def rate(self, seconds: float) -> float:
         """Physics steps per second; going to an episode's start is outside the time."""
-        steps, spent, turn = 0, 0.0, 0
-        while spent < seconds or turn < EPISODES:
+        steps, duration, turn = 0, 0.0, 0
+        while duration < seconds or turn < EPISODES:
             episode = turn % EPISODES
             self._load(self._rows.take([episode]))
-            began = time.perf_counter()
+            start = time.perf_counter()
             for action in self._actions[episode]:
                 self.environment.step(action)
-            spent += time.perf_counter() - began
+            duration += time.perf_counter() - start
             self.success[episode] = self.environment._check_success()
             steps += len(self._actions[episode]) * self.inner
             turn += 1
-        return steps / spent
+        return steps / duration
 
     def _load(self, row: Rows) -> None:
         """Furniture, masses and sizes as the row has them; the hand open."""
@@ -168,13 +168,13 @@ def measure(name: str, rows: int, rounds: int, seconds: float, threads: int) -> 
     with Recorder(world) as recorder:
         chain.run(world, options, world.sample(np.random.default_rng(1), 16), slots=16)
     theirs = Theirs(world, options)
-    taken: dict[str, list[float]] = {"ours": [], "robosuite": [], "mj_step": []}
+    rates: dict[str, list[float]] = {"ours": [], "robosuite": [], "mj_step": []}
     for _ in range(rounds):
-        taken["mj_step"].append(limit(world, recorder.calls, seconds))
-        taken["ours"].append(ours(world, options, rows, seconds))
-        taken["robosuite"].append(theirs.rate(seconds))
+        rates["mj_step"].append(limit(world, recorder.calls, seconds))
+        rates["ours"].append(ours(world, options, rows, seconds))
+        rates["robosuite"].append(theirs.rate(seconds))
     theirs.environment.close()
-    rate = {key: median(values) for key, values in taken.items()}
+    rate = {key: median(values) for key, values in rates.items()}
     control = (rate["ours"] / world.engine.physics_steps) / (rate["robosuite"] / theirs.inner)
     return {
         "world": name,
@@ -182,8 +182,8 @@ def measure(name: str, rows: int, rounds: int, seconds: float, threads: int) -> 
         "threads": threads,
         "timestep_s": world.engine.timestep_s,
         **{key: round(value) for key, value in rate.items()},
-        "ratio_robosuite": round(median(a / b for a, b in zip(taken["ours"], taken["robosuite"], strict=True)), 2),
-        "ratio_limit": round(median(a / b / threads for a, b in zip(taken["ours"], taken["mj_step"], strict=True)), 3),
+        "ratio_robosuite": round(median(a / b for a, b in zip(rates["ours"], rates["robosuite"], strict=True)), 2),
+        "ratio_limit": round(median(a / b / threads for a, b in zip(rates["ours"], rates["mj_step"], strict=True)), 3),
         "ratio_control": round(control, 1),
         "environment": theirs.name,
         "replayed": f"{theirs.success.sum()}/{EPISODES}",
@@ -197,16 +197,16 @@ def main(arguments: list[str] | None = None) -> None:
         ConfigError: there is no such task for robosuite.
     """
     parser = report.parser(__doc__)
-    parser.add_argument("--worlds", nargs="+", choices=WORLDS.names(), default=list(WORLDS.names()))
+    parser.add_argument("--worlds", nargs="+", type=report.known_world, default=list(WORLDS.names()))
     parser.add_argument("--rows", type=int, default=256)
     parser.add_argument("--threads", type=int, default=2)
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--seconds", type=float, default=2.0, help="of each measurement in each round")
-    given = parser.parse_args(arguments)
-    for name in given.worlds:
+    args = parser.parse_args(arguments)
+    for name in args.worlds:
         robosuite_sim.task_of(name)  # refused now rather than after minutes
-    rows = [measure(name, given.rows, given.rounds, given.seconds, given.threads) for name in given.worlds]
-    report.finish(rows, given.json)
+    rows = [measure(name, args.rows, args.rounds, args.seconds, args.threads) for name in args.worlds]
+    report.finish(rows, args.json)
 
 
 if __name__ == "__main__":

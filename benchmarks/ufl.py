@@ -80,10 +80,10 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--families", action="store_true", help="generated families instead of files")
     parser.add_argument("--time-limit", type=float, default=60.0, metavar="S", help="seconds per instance")
     parser.add_argument("--seed", type=int, default=0)
-    options: argparse.Namespace = parser.parse_args(arguments)
+    args: argparse.Namespace = parser.parse_args(arguments)
     report.load_kernels()
-    source = families(np.random.default_rng(options.seed)) if options.families else files(options.instances)
-    report.finish(measure(source, options.time_limit), options.json)
+    source = families(np.random.default_rng(args.seed)) if args.families else files(args.instances)
+    report.finish(measure(source, args.time_limit), args.json)
 
 
 if __name__ == "__main__":

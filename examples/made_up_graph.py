@@ -36,7 +36,7 @@ def main() -> dict[str, float]:
         history = spend(chooser, rounds=24)
         values[chooser] = history.rounds[-1].value
         print(f"{chooser}: value of failures {values[chooser]:.2f}, rounds by mode and target:")
-        print(history.trained)
+        print(history.counts)
     return values
 
 

@@ -37,9 +37,9 @@ def code_of(name: str, records: Path | None, *targets: str) -> str:
         return ""
     digests = [code_digest(f"stages.{name}", {"stages": ROOT / "stages"})]
     for module in sorted({target.partition(":")[0] for target in targets if ":" in target}):
-        found = find_spec(module)
-        if found is not None and found.origin is not None:
-            digests.append(Path(found.origin).read_text(encoding="utf-8"))
+        spec = find_spec(module)
+        if spec is not None and spec.origin is not None:
+            digests.append(Path(spec.origin).read_text(encoding="utf-8"))
     return config_hash(digests)
 
 

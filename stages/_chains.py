@@ -1,4 +1,4 @@
-"""What `chain_recoveries` asks of learning, and who is told of it while it goes on."""
+"""What `chain_recoveries` asks of learning, and who is run_teller of it while it goes on."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
 
-from p2l.chaining.comparison import ChainRun, Observed, Observer, RunKey
+from p2l.chaining.comparison import ChainRun, Observer, OpenObserver, RunKey
 from p2l.chaining.mdp import Limits
 from p2l.chaining.ppo import PPOSettings
-from p2l.chaining.record import Learnt
+from p2l.chaining.record import RunResult
 from p2l.chaining.train import TrainSettings
 from p2l.schema import ChainRecoveriesConfig
 from p2l.tracking import Tracker
@@ -38,7 +38,7 @@ def chain_run(cfg: ChainRecoveriesConfig, name: str | None = None, seed: int | N
 
 
 @dataclass(frozen=True)
-class _Told:
+class _RunObserver:
     """Tells the tracker and the progress bar."""
 
     track: Tracker
@@ -60,22 +60,22 @@ class _Told:
         self.track.note(text)
 
 
-def observed(cfg: ChainRecoveriesConfig, track: Tracker, *, alone: bool = False) -> Observed:
+def run_observer(cfg: ChainRecoveriesConfig, track: Tracker, *, alone: bool = False) -> OpenObserver:
     """Opens a run's progress bar and, for each of those that are compared, its child run."""
 
     @contextmanager
-    def opened(one: ChainRun, folder: Path) -> Iterator[Observer]:
+    def observer(one: ChainRun, folder: Path) -> Iterator[Observer]:
         mine = nullcontext(track) if alone else child(track, cfg, "chain_recoveries", one.name, one.seed, folder)
         with mine as tracker, training(f"{cfg.item} {one.name} s{one.seed}", one.settings.budget) as show:
-            yield _Told(tracker, show)
+            yield _RunObserver(tracker, show)
 
-    return opened
+    return observer
 
 
-def told(track: Tracker) -> Callable[[RunKey, Learnt], None]:
+def run_teller(track: Tracker) -> Callable[[RunKey, RunResult], None]:
     """Tells the tracker what came out of each run."""
 
-    def tell(key: RunKey, learnt: Learnt) -> None:
+    def tell(key: RunKey, learnt: RunResult) -> None:
         numbers = {name: value for name, value in {**learnt.facts, **learnt.times}.items() if value is not None}
         track.metrics({f"{key[0]}/s{key[1]}/{name}": value for name, value in numbers.items()})
 

@@ -23,11 +23,11 @@ def child(parent: Tracker, cfg: StageConfig, stage: str, method: str, seed: int,
     everything: what is told again goes nowhere.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    known = _remembered(folder)
-    if parent.run_id is not None and known == {"parent": parent.run_id, "finished": True}:
+    memory = _memory(folder)
+    if parent.run_id is not None and memory == {"parent": parent.run_id, "finished": True}:
         yield Tracker()
         return
-    if known.get("parent") != parent.run_id:
+    if memory.get("parent") != parent.run_id:
         (folder / RUN_FILE).unlink(missing_ok=True)
     card = RunCard(
         stage=stage,
@@ -45,7 +45,7 @@ def child(parent: Tracker, cfg: StageConfig, stage: str, method: str, seed: int,
     _remember(folder, parent.run_id, finished=True)
 
 
-def _remembered(folder: Path) -> dict[str, object]:
+def _memory(folder: Path) -> dict[str, object]:
     try:
         return dict(json.loads((folder / PARENT_FILE).read_text(encoding="utf-8")))
     except (OSError, ValueError, TypeError):

@@ -15,7 +15,7 @@ RECOVERY_STAGES = ("fit_preconditions", "learn_recoveries", "evaluate_recoveries
 CHAIN_STAGES = ("chain_recoveries", "evaluate_chains")
 STAGES = (*DOMAIN_STAGES, *WORLD_STAGES, *RECOVERY_STAGES, *CHAIN_STAGES, "report")
 # Where the pipeline asks for more than a person does, whose runs are single ones.
-ASKED = {"chain_recoveries": ("compare=${experiment.chain.learners}", "seeds=${experiment.chain.seeds}")}
+PIPELINE_OVERRIDES = {"chain_recoveries": ("compare=${experiment.chain.learners}", "seeds=${experiment.chain.seeds}")}
 
 
 def stages_of(cfg: ConfigStageConfig, world: str) -> tuple[str, ...]:
@@ -26,19 +26,19 @@ def stages_of(cfg: ConfigStageConfig, world: str) -> tuple[str, ...]:
 
 def choices(cfg: ConfigStageConfig, name: str, world: str) -> list[str]:
     """Overrides of one stage of one world."""
-    chosen = [f"world={world}", f"item={world}", f"experiment={cfg.preset}"]
+    overrides = [f"world={world}", f"item={world}", f"experiment={cfg.preset}"]
     if name == "cluster" and world in cfg.recovery_worlds:
-        chosen.append(f"preconditions=data/fit_preconditions/{world}/preconditions.npz")
-    return chosen
+        overrides.append(f"preconditions=data/fit_preconditions/{world}/preconditions.npz")
+    return overrides
 
 
-def composed(cfg: ConfigStageConfig, name: str, chosen: list[str]) -> str:
-    """The resolved YAML of one stage of one item, checked by its schema; Hydra is up already, in `conf/`."""
-    overrides = [*chosen, *ASKED.get(name, ()), f"seed={cfg.seed}", *cfg.overrides.get(name, ())]
+def resolved_yaml(cfg: ConfigStageConfig, name: str, overrides: list[str]) -> str:
+    """The resolved YAML of one stage of one item, cfg by its schema; Hydra is up already, in `conf/`."""
+    overrides = [*overrides, *PIPELINE_OVERRIDES.get(name, ()), f"seed={cfg.seed}", *cfg.overrides.get(name, ())]
     where = f"conf/{name}.yaml with {' '.join(overrides)}"
     try:
         plain = resolve(compose(config_name=name, overrides=overrides))
     except HydraException as error:
         raise ConfigError(f"{where}: {error}") from error
-    checked = validate(plain, SCHEMAS[name], where)
-    return OmegaConf.to_yaml(OmegaConf.create(checked.model_dump(mode="json")))
+    config = validate(plain, SCHEMAS[name], where)
+    return OmegaConf.to_yaml(OmegaConf.create(config.model_dump(mode="json")))

@@ -13,26 +13,26 @@ from p2l.contracts.domain import Progress
 @contextmanager
 def bar(title: str, unit: str = "it") -> Iterator[Progress]:
     """Yield a function (done, total); when `done` falls back a new phase has begun and the bar starts over."""
-    shown = tqdm(desc=title, unit=unit, disable=None, leave=False)
+    progress_bar = tqdm(desc=title, unit=unit, disable=None, leave=False)
 
     def show(done: int, total: int) -> None:
-        if done < shown.n or shown.total != total:
-            shown.reset(total)
-        shown.update(done - shown.n)
+        if done < progress_bar.n or progress_bar.total != total:
+            progress_bar.reset(total)
+        progress_bar.update(done - progress_bar.n)
 
     try:
         yield show
     finally:
-        shown.close()
+        progress_bar.close()
 
 
 @contextmanager
 def counter(title: str, unit: str, total: int) -> Iterator[Callable[[int], None]]:
     """Yield a function of how many were finished since its last call."""
-    with tqdm(desc=title, unit=unit, total=total, disable=None, leave=False) as shown:
+    with tqdm(desc=title, unit=unit, total=total, disable=None, leave=False) as progress_bar:
 
         def show(more: int) -> None:
-            shown.update(more)
+            progress_bar.update(more)
 
         yield show
 
@@ -40,13 +40,13 @@ def counter(title: str, unit: str, total: int) -> Iterator[Callable[[int], None]
 @contextmanager
 def late_counter(title: str, unit: str) -> Iterator[Callable[[int], Callable[[int], None]]]:
     """Yield a function that is told the total once it is known, and gives that of `counter`."""
-    with tqdm(desc=title, unit=unit, disable=None, leave=False) as shown:
+    with tqdm(desc=title, unit=unit, disable=None, leave=False) as progress_bar:
 
         def begin(total: int) -> Callable[[int], None]:
-            shown.reset(total)
+            progress_bar.reset(total)
 
             def show(more: int) -> None:
-                shown.update(more)
+                progress_bar.update(more)
 
             return show
 
@@ -59,13 +59,13 @@ def training(title: str, total: int) -> Iterator[Callable[[int, float | None], N
 
     Without a success rate, the steps are those of a run that is resumed: they count for no rate and no time left.
     """
-    with tqdm(desc=title, unit=" steps", total=total, disable=None, leave=False, smoothing=0.05) as shown:
+    with tqdm(desc=title, unit=" steps", total=total, disable=None, leave=False, smoothing=0.05) as progress_bar:
 
         def show(done: int, success: float | None) -> None:
             if success is None:
-                shown.initial = shown.n = shown.last_print_n = min(done, total)
+                progress_bar.initial = progress_bar.n = progress_bar.last_print_n = min(done, total)
                 return
-            shown.set_postfix_str(f"success {success:.0%}", refresh=False)
-            shown.update(min(done, total) - shown.n)
+            progress_bar.set_postfix_str(f"success {success:.0%}", refresh=False)
+            progress_bar.update(min(done, total) - progress_bar.n)
 
         yield show

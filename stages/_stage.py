@@ -40,7 +40,7 @@ from stages import ROOT
 
 ConfigT = TypeVar("ConfigT", bound=StageConfig)
 StageFunction = Callable[[ConfigT, Path, Tracker], None]
-Finished = Callable[[ConfigT, Path], str | None]
+FinishedCheck = Callable[[ConfigT, Path], str | None]
 
 PARENT_VARIABLE = "P2L_PARENT_RUN"
 CONFIG_FILE, LOG_FILE = "config.yaml", "stage.log"
@@ -57,7 +57,7 @@ class JobError(Exception):
 
 
 def stage(
-    name: str, schema: type[ConfigT], finished: Finished[ConfigT] | None = None
+    name: str, schema: type[ConfigT], finished: FinishedCheck[ConfigT] | None = None
 ) -> Callable[[StageFunction[ConfigT]], Callable[[], None]]:
     """Make a function the stage `name`, whose configuration is `conf/<name>.yaml` and obeys `schema`.
 
@@ -66,8 +66,8 @@ def stage(
 
     def decorate(function: StageFunction[ConfigT]) -> Callable[[], None]:
         @functools.wraps(function)
-        def job(composed: DictConfig) -> None:
-            _job(name, schema, function, composed, finished)
+        def job(config: DictConfig) -> None:
+            _job(name, schema, function, config, finished)
 
         entry = hydra.main(config_path=str(ROOT / "conf"), config_name=name, version_base="1.3")(job)
 
@@ -94,11 +94,11 @@ def _command_line(name: str, entry: Callable[[], Any]) -> int:
     return 0
 
 
-def _arguments(given: list[str]) -> list[str]:
+def _arguments(words: list[str]) -> list[str]:
     """Options first, since Hydra wants the overrides together; a config path counts from the working folder."""
     options: list[str] = []
     overrides: list[str] = []
-    for word in given:
+    for word in words:
         if options and options[-1] in ("-cp", "--config-path"):
             options.append(str(Path(word).resolve()))
         elif word.startswith("--config-path="):
@@ -122,8 +122,8 @@ def _plain_path(word: str) -> str:
     path = os.path.expanduser(value)  # noqa: PTH111 (the shell leaves a ~ after = alone; Path fails without a home)
     if re.fullmatch(r"[\w./-]+", path, re.ASCII):
         return f"{key}={path}"
-    escaped = path.replace("'", "\\'")
-    return f"{key}='{escaped}'"
+    literal = path.replace("'", "\\'")
+    return f"{key}='{literal}'"
 
 
 def _one_message(error: BaseException) -> str:
@@ -137,39 +137,39 @@ def _job(
     name: str,
     schema: type[ConfigT],
     function: StageFunction[ConfigT],
-    composed: DictConfig,
-    finished: Finished[ConfigT] | None,
+    config: DictConfig,
+    finished: FinishedCheck[ConfigT] | None,
 ) -> None:
     """One run, alone or in a sweep; reports its own errors, then ends the process or, in a sweep, raises `JobError`."""
     settings = HydraConfig.get()
     out = Path(settings.runtime.output_dir)
     sweep = settings.mode == RunMode.MULTIRUN
     title = f"stage {name} [{' '.join(settings.overrides.task)}]" if sweep else f"stage {name}"
-    failed = JobError if sweep else SystemExit  # Hydra lets the jobs after a JobError run, and adds words to it
-    kept = set(out.iterdir())
+    failure = JobError if sweep else SystemExit  # Hydra lets the jobs after a JobError run, and adds words to it
+    before = set(out.iterdir())
     _log_to(out)
     try:
-        _run(name, schema, function, composed, out, finished)
+        _run(name, schema, function, config, out, finished)
     except P2LError as error:
-        _clear(out, kept)
+        _clear(out, before)
         print(f"{title}: {error}", file=sys.stderr)
-        raise failed(error.exit_code) from None
+        raise failure(error.exit_code) from None
     except Exception:
         print(f"{title}: unexpected error\n{traceback.format_exc()}", file=sys.stderr)
-        raise failed(1) from None
+        raise failure(1) from None
 
 
 def _run(
     name: str,
     schema: type[ConfigT],
     function: StageFunction[ConfigT],
-    composed: DictConfig,
+    config: DictConfig,
     out: Path,
-    finished: Finished[ConfigT] | None,
+    finished: FinishedCheck[ConfigT] | None,
 ) -> None:
-    cfg = validate(resolve(composed), schema, "configuration")
-    if finished is not None and (told := finished(cfg, out)):
-        print(told)
+    cfg = validate(resolve(config), schema, "configuration")
+    if finished is not None and (message := finished(cfg, out)):
+        print(message)
         return
     plain = cfg.model_dump(mode="json")
     card = RunCard(
@@ -194,8 +194,8 @@ def _command(name: str) -> str:
     [source] = [entry.path for entry in settings.runtime.config_sources if entry.provider == "main"]
     if Path(source) != ROOT / "conf":
         words += ["-cp", os.path.relpath(source), "-cn", str(settings.job.config_name)]
-    kept = [word for word in settings.overrides.hydra if word.startswith("hydra.run.dir=")]
-    return shlex.join([*words, *settings.overrides.task, *kept])
+    run_dir = [word for word in settings.overrides.hydra if word.startswith("hydra.run.dir=")]
+    return shlex.join([*words, *settings.overrides.task, *run_dir])
 
 
 def _log_to(out: Path) -> None:
@@ -208,11 +208,11 @@ def _log_to(out: Path) -> None:
         logging.getLogger(chatty).setLevel(logging.WARNING)
 
 
-def _clear(out: Path, kept: set[Path]) -> None:
+def _clear(out: Path, before: set[Path]) -> None:
     """Take away what this module wrote, so that a refused input leaves what was there before, or nothing."""
     logging.basicConfig(handlers=[logging.StreamHandler()], force=True)
     for file in (out / RUN_FILE, out / LOG_FILE):
-        if file not in kept:
+        if file not in before:
             file.unlink(missing_ok=True)
-    if not kept and not any(out.iterdir()):
+    if not before and not any(out.iterdir()):
         out.rmdir()

@@ -5,14 +5,14 @@ from __future__ import annotations
 from pathlib import Path
 
 from p2l.artifacts import save_json
-from p2l.chaining.checkpoint import SUMMARY, drop_checkpoint, finished
+from p2l.chaining.checkpoint import SUMMARY, drop_checkpoint, is_finished
 from p2l.chaining.comparison import compare, curves, learn, prepare
 from p2l.chaining.inputs import recorded_failures
 from p2l.evaluation.sheets import save_sheets
 from p2l.schema import ChainRecoveriesConfig
 from p2l.tracking import Tracker
 from stages._bridge import code_of, tell_times
-from stages._chains import chain_run, observed, told
+from stages._chains import chain_run, run_observer, run_teller
 from stages._stage import stage
 
 
@@ -22,7 +22,7 @@ def already(cfg: ChainRecoveriesConfig, out: Path) -> str | None:
     Raises:
         ArtifactError: one of another configuration has.
     """
-    if cfg.compare or not finished(out, cfg.alone().hash):
+    if cfg.compare or not is_finished(out, cfg.alone().hash):
         return None
     return f"{out}: this run has finished already; delete the folder, or choose another, to learn anew"
 
@@ -37,13 +37,13 @@ def run(cfg: ChainRecoveriesConfig, out: Path, track: Tracker) -> None:
     if cfg.compare:
         runs = [chain_run(cfg, name, seed) for seed in cfg.seeds for name in cfg.compare]
         place, code = cfg.records or out / "records", code_of("chain_recoveries", cfg.records, cfg.world.key)
-        watch, finish = observed(cfg, track), told(track)
+        watch, finish = run_observer(cfg, track), run_teller(track)
         results = compare(runs, failures, cfg.failures, out, place, code, watch, finish)
         facts = {f"{name}/s{seed}": dict(learnt.facts) for (name, seed), learnt in results.items()}
         save_json(out / SUMMARY, {"runs": facts}, schema="chain_runs", version=1)
     else:
         one = chain_run(cfg)
-        with observed(cfg, track, alone=True)(one, out) as observer:
+        with run_observer(cfg, track, alone=True)(one, out) as observer:
             learnt = learn(prepare(one, failures, cfg.failures), out, observer)
         results = {(one.name, one.seed): learnt}
         save_json(out / SUMMARY, learnt.facts, schema="chain_summary", version=1)

@@ -46,9 +46,9 @@ def run(cfg: ClusterConfig, out: Path, track: Tracker) -> None:
     track.metrics({"failures": len(train), "modes": len(modes), "probability": float(clustering.probability.mean())})
     track.metrics({f"weight/{number}": weight for number, weight in enumerate(modes["weight"])})
     if cfg.videos:
-        shown = train.take(groups.members)
-        names, ways = [f"mode_{number}" for number in range(len(modes))], replay(world, nominal, shown)
-        film(out / "videos", names, world, shown, ways, VideoOptions(**cfg.video.model_dump()))
+        members = train.take(groups.members)
+        names, ways = [f"mode_{number}" for number in range(len(modes))], replay(world, nominal, members)
+        film(out / "videos", names, world, members, ways, VideoOptions(**cfg.video.model_dump()))
     else:
         skip(out / "videos", "videos=false")
     for path in [out / "modes.png", out / "modes.csv", *sorted((out / "videos").glob("*.mp4"))]:

@@ -23,27 +23,27 @@ def run(cfg: CollectConfig, out: Path, track: Tracker) -> None:
     """Learn skills, try every skill on every task, and say whether the skills need the walls."""
     domain = make_domain(cfg.domain.key, cfg.domain.params)
     with bar(f"collect {domain.name}") as show:
-        found = collect(
+        collection = collect(
             domain, n_tasks=cfg.n_tasks, n_taught=cfg.n_taught, draws=cfg.draws, seed=cfg.seed, progress=show
         )
-    save_arrays(out / "transfer_data.npz", found.data.arrays(), schema="transfer_data", version=1)
+    save_arrays(out / "transfer_data.npz", collection.data.arrays(), schema="transfer_data", version=1)
     with atomic(out / "strategy.png") as temporary:
         temporary.write_bytes(
-            strategy_figure(found.views, f"{domain.name}: learnt skills on their own tasks, seen from above")
+            strategy_figure(collection.views, f"{domain.name}: learnt skills on their own tasks, seen from above")
         )
     track.artifact(out / "strategy.png")
-    rate = found.data.rate
+    rate = collection.data.rate
     others = np.ones_like(rate, dtype=bool)
-    others[np.arange(len(rate)), found.data.train_task] = False
+    others[np.arange(len(rate)), collection.data.train_task] = False
     summary = {
         "n_tasks": cfg.n_tasks,
         "n_skills": cfg.n_taught,
         "draws": cfg.draws,
-        "own_task_success": _rate(found.own_rate, cfg.draws),
+        "own_task_success": _rate(collection.own_rate, cfg.draws),
         "other_task_success": float(rate[others].mean()) if others.any() else None,
     }
-    if found.own_rate_without_walls is not None:
-        summary["own_task_success_without_walls"] = _rate(found.own_rate_without_walls, cfg.draws)
+    if collection.own_rate_without_walls is not None:
+        summary["own_task_success_without_walls"] = _rate(collection.own_rate_without_walls, cfg.draws)
     save_json(out / "summary.json", summary, schema="collect_summary", version=1)
     track.metrics({key: value["mean"] for key, value in summary.items() if isinstance(value, dict)})
 

@@ -14,7 +14,7 @@ from p2l.errors import ConfigError
 from p2l.schema import ConfigStageConfig
 from p2l.tracking import Tracker
 from stages import ROOT
-from stages._composition import DOMAIN_STAGES, STAGES, choices, composed, stages_of
+from stages._composition import DOMAIN_STAGES, STAGES, choices, resolved_yaml, stages_of
 from stages._stage import stage
 
 
@@ -22,23 +22,23 @@ from stages._stage import stage
 def run(cfg: ConfigStageConfig, out: Path, track: Tracker) -> None:  # noqa: ARG001
     """Write `out/<item>/<stage>.yaml`; items are domains, worlds and the report. All must be valid before."""
     if unknown := sorted(set(cfg.overrides) - set(STAGES)):
-        raise ConfigError(f"overrides: unknown stages {unknown}; allowed: {', '.join(STAGES)}")
+        raise ConfigError(f"overrides: unknown stages {unknown}; presets: {', '.join(STAGES)}")
     if not (ROOT / "conf" / "experiment" / f"{cfg.preset}.yaml").is_file():
-        allowed = sorted(path.stem for path in (ROOT / "conf" / "experiment").glob("*.yaml"))
-        raise ConfigError(f"preset: given '{cfg.preset}'; allowed: {', '.join(allowed)}")
+        presets = sorted(path.stem for path in (ROOT / "conf" / "experiment").glob("*.yaml"))
+        raise ConfigError(f"preset: given '{cfg.preset}'; presets: {', '.join(presets)}")
     texts = {
-        f"{domain}/{name}": composed(cfg, name, [f"domain={domain}", f"experiment={cfg.preset}"])
+        f"{domain}/{name}": resolved_yaml(cfg, name, [f"domain={domain}", f"experiment={cfg.preset}"])
         for domain in cfg.domains
         for name in DOMAIN_STAGES
     }
     texts |= {
-        f"{world}/{name}": composed(cfg, name, choices(cfg, name, world))
+        f"{world}/{name}": resolved_yaml(cfg, name, choices(cfg, name, world))
         for world in cfg.worlds
         for name in stages_of(cfg, world)
     }
     kinds = ("domains", "worlds", "cluster_worlds", "recovery_worlds", "chain_worlds")
     items = [f"{kind}=[{','.join(getattr(cfg, kind))}]" for kind in kinds]
-    texts["report/report"] = composed(cfg, "report", [f"preset={cfg.preset}", *items])
+    texts["report/report"] = resolved_yaml(cfg, "report", [f"preset={cfg.preset}", *items])
     write(out, texts)
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from p2l.artifacts import save_json
-from p2l.evaluation.failures.tables import found_metrics, found_summary
+from p2l.evaluation.failures.tables import discovery_metrics, split_summary
 from p2l.failures.discovery import discover
 from p2l.failures.record import SPLITS, STRANDED, Origin, save_failures
 from p2l.failures.strategy import ESTIMATORS
@@ -44,11 +44,11 @@ def run(cfg: DiscoverConfig, out: Path, track: Tracker) -> None:
             discovery = discover(world, options, starts, origin, slots=cfg.slots, progress=show)
             spent_s += time.perf_counter() - begin
         save_failures(out / f"failures_{split}.npz", discovery.failures)
-        summary[split] = found_summary(discovery)
+        summary[split] = split_summary(discovery)
         if diverged := summary[split]["diverged"]:
             log.warning("%s %s: the simulation of %d of %d episodes broke down; left out", name, split, diverged, count)
     save_json(out / "summary.json", summary, schema="discover_summary", version=1)
-    track.metrics(found_metrics(summary))
+    track.metrics(discovery_metrics(summary))
     totals = {key: sum(summary[split][key] for split in SPLITS) for key in ("executions", "control_steps")}
     rates = {"episodes_per_s": totals["executions"] / spent_s, "control_steps_per_s": totals["control_steps"] / spent_s}
     tell_times(track, out, {"seconds": spent_s, **rates})

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 from p2l.artifacts import save_table
@@ -9,10 +10,10 @@ from p2l.chaining.clips import novel_clips
 from p2l.chaining.episodes import PolicyLedger
 from p2l.chaining.evaluation import Ablation, ChainResults, Reuse, Subject, Transfers, evaluate, open_policies
 from p2l.chaining.reuse import most_novel
-from p2l.evaluation.chaining.judged import ChainEvaluation, chain_report, read_runs
+from p2l.evaluation.chaining.evaluation import ChainEvaluation, chain_report, read_runs
 from p2l.evaluation.video.failures import skip
 from p2l.evaluation.video.player import VideoOptions
-from p2l.evaluation.video.reuse import NONE, film_reuse
+from p2l.evaluation.video.reuse import film_reuse
 from p2l.schema import EvaluateChainsConfig
 from p2l.tracking import Tracker
 from stages._bridge import code_of
@@ -32,26 +33,23 @@ def run(cfg: EvaluateChainsConfig, out: Path, track: Tracker) -> None:
     with late_counter(f"evaluate {cfg.item}", " policies") as show:
         results = evaluate(book, who, world, agents, *plans, show)
     save_table(out / "episodes.parquet", results.episodes, schema="chain_episodes", version=1)
-    judged = ChainEvaluation(cfg.item, results.episodes, runs, results.transfers, results.reuse, results.ablation)
-    numbers, files = chain_report(out, judged, cfg.thesis)
+    evaluation = ChainEvaluation(cfg.item, results.episodes, runs, results.transfers, results.reuse, results.ablation)
+    numbers, files = chain_report(out, evaluation, cfg.thesis)
     track.metrics(numbers)
-    for path in [*files, *_filmed(cfg, out / "videos", results)]:
+    for path in [*files, *_films(cfg, out / "videos", results)]:
         track.artifact(path)
-    if broken := int(results.episodes["diverged"].sum()):
-        track.note(f"The simulation of {broken} of {len(results.episodes)} episodes broke down; they are left out.")
+    if diverged := int(results.episodes["diverged"].sum()):
+        track.note(f"The simulation of {diverged} of {len(results.episodes)} episodes broke down; they are left out.")
 
 
-def _filmed(cfg: EvaluateChainsConfig, folder: Path, results: ChainResults) -> list[Path]:
+def _films(cfg: EvaluateChainsConfig, folder: Path, results: ChainResults) -> list[Path]:
     """The film of the most novel reuse of an option, or a note why there is none."""
     if not cfg.videos:
         skip(folder, "videos=false")
         return []
-    if (novel := most_novel(results.reuse)) is None:
-        skip(folder, NONE)
-        return []
     world, video = results.world, VideoOptions(**cfg.video.model_dump())
-    clips = novel_clips(world, world.nominal_options(), results.agents, results.episodes, novel)
-    return film_reuse(folder, world, novel, *clips, video)
+    clips = partial(novel_clips, world, world.nominal_options(), results.agents, results.episodes)
+    return film_reuse(folder, world, most_novel(results.reuse), clips, video)
 
 
 if __name__ == "__main__":

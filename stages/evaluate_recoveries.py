@@ -9,7 +9,7 @@ from pathlib import Path
 import pandas as pd
 
 from p2l.artifacts import save_table
-from p2l.evaluation.metareskill.judged import RecoveryEvaluation, evaluation_report, read_rounds
+from p2l.evaluation.metareskill.evaluation import RecoveryEvaluation, evaluation_report, read_rounds
 from p2l.failures.classifier import load_modes
 from p2l.metareskill.episodes import EpisodeLedger, gather
 from p2l.metareskill.places import Tour, places
@@ -46,8 +46,8 @@ def run(cfg: EvaluateRecoveriesConfig, out: Path, track: Tracker) -> None:
                     tables.append(gather(book, mine, seed, modes, learnt[seed], partial(_tell, tracker), show))
     episodes = pd.concat(tables, ignore_index=True)
     save_table(out / "episodes.parquet", episodes, schema="recovery_episodes", version=1)
-    judged = RecoveryEvaluation(cfg.item, episodes, tour.unseen, learnt, rounds)
-    tell(track, evaluation_report(out, judged, cfg.thesis, cfg.seed))
+    evaluation = RecoveryEvaluation(cfg.item, episodes, tour.unseen, learnt, rounds)
+    tell(track, evaluation_report(out, evaluation, cfg.thesis, cfg.seed))
 
 
 def _tell(track: Tracker, table: pd.DataFrame) -> None:

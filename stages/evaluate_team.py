@@ -1,4 +1,4 @@
-"""Stage `evaluate_team`: plans run in the world they were made for (thesis, section 3.5)."""
+"""Stage `evaluate_team`: plans run in the world they were plans_of_block for (thesis, section 3.5)."""
 
 from __future__ import annotations
 
@@ -33,13 +33,13 @@ def run(cfg: EvaluateTeamConfig, out: Path, track: Tracker) -> None:
     for index in range(study.blocks):
         block = make_block(domain, study, cfg.seed, index)
         if set(plans.loc[plans["block"] == index, "digest"]) != {block.digest}:
-            raise ArtifactError(f"{cfg.plans}: made for other tasks; run `python -m stages.plan` again")
+            raise ArtifactError(f"{cfg.plans}: plans_of_block for other tasks; run `python -m stages.plan` again")
         with bar(f"{domain.name} block {index + 1} of {study.blocks}") as show:
             truth = recorded_truth(domain, study, cfg.seed, block, records, identity, show)
         best = true_plans(study, cfg.seed, block, truth, cfg.time_limit_s)
-        made = pd.concat([plans[plans["block"] == index], best])
-        for _, chosen in made.groupby("method", sort=True):
-            rows += recorded_rows(domain, study, cfg.seed, chosen, truth, records)
+        plans_of_block = pd.concat([plans[plans["block"] == index], best])
+        for _, mine in plans_of_block.groupby("method", sort=True):
+            rows += recorded_rows(domain, study, cfg.seed, mine, truth, records)
         track.metrics({"blocks_done": index + 1}, step=index)
     results = pd.DataFrame(rows)
     save_table(out / "results.parquet", results, schema="team_results", version=1)

@@ -10,7 +10,7 @@ import torch
 from p2l.artifacts import atomic, load_arrays, save_json
 from p2l.domains.table import make_domain
 from p2l.errors import ArtifactError
-from p2l.evaluation.transfer.fit import calibration_table, judge, records, score_table
+from p2l.evaluation.transfer.fit import calibration_table, held_out_predictions, records, score_table
 from p2l.evaluation.transfer.reliability import reliability_diagram
 from p2l.records import TransferData
 from p2l.schema import FitTransferConfig
@@ -34,20 +34,20 @@ def run(cfg: FitTransferConfig, out: Path, track: Tracker) -> None:
     def report(epoch: int, training: float, validation: float) -> None:
         track.metrics({"loss/training": training, "loss/validation": validation}, step=epoch)
 
-    found = fit(data, domain.encoding, split, options, weights, report)
-    found.model.save(out / "transfer_model.safetensors", domain=domain.name, config_hash=cfg.hash)
+    fitting = fit(data, domain.encoding, split, options, weights, report)
+    fitting.model.save(out / "transfer_model.safetensors", domain=domain.name, config_hash=cfg.hash)
 
-    judged = judge(data, found.model, split)
-    scores = score_table(judged, generator(cfg.seed, "fit_transfer", domain.name, "intervals"))
-    table = calibration_table(judged)
+    predictions = held_out_predictions(data, fitting.model, split)
+    scores = score_table(predictions, generator(cfg.seed, "fit_transfer", domain.name, "intervals"))
+    table = calibration_table(predictions)
     with atomic(out / "calibration.csv") as temporary:
         table.to_csv(temporary, index=False)
     reliability_diagram(table, ("model", "nearest_neighbour"), domain.name, out / "calibration.png")
     facts: dict[str, Any] = {
         "tasks_fitted": int((~split.held_out).sum()),
         "tasks_held_out": int(split.held_out.sum()),
-        "platt": {"slope": found.model.platt.slope, "shift": found.model.platt.shift},
-        "best_epoch": found.best_epoch.tolist(),
+        "platt": {"slope": fitting.model.platt.slope, "shift": fitting.model.platt.shift},
+        "best_epoch": fitting.best_epoch.tolist(),
         "scores": records(scores),
     }
     save_json(out / "metrics.json", facts, schema="fit_transfer_metrics", version=1)

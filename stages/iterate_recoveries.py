@@ -12,7 +12,7 @@ from p2l.contracts.world import symbols_of
 from p2l.evaluation.metareskill.iterations import ALL, success_figure, success_table
 from p2l.evaluation.sheets import save_sheets
 from p2l.metareskill.choosers.table import make_chooser
-from p2l.metareskill.places import IMPROVING
+from p2l.metareskill.places import ESTIMATOR
 from p2l.metareskill.rounds.failure_rounds import Budget, Iteration
 from p2l.metareskill.rounds.iterate import Field
 from p2l.metareskill.target import RecoveryTask
@@ -33,7 +33,7 @@ def run(cfg: IterateRecoveriesConfig, out: Path, track: Tracker) -> None:
     counts = fields_of(cfg, Budget) | cfg.executions.model_dump()
     budget = Budget(**counts)
     budget.check(inputs.setting.graph, chooser)
-    world = make_world(cfg.world.key, {**cfg.world.params, "estimator": IMPROVING})
+    world = make_world(cfg.world.key, {**cfg.world.params, "estimator": ESTIMATOR})
     task = RecoveryTask(world, symbols_of(world), inputs.setting.task.preconditions)
     field = Field(task, world.nominal_options(), cfg.max_options, cfg.slots)
     origin, code = inputs.train.origin, code_of("iterate_recoveries", cfg.records, cfg.world.key, choice.key)
@@ -45,8 +45,8 @@ def run(cfg: IterateRecoveriesConfig, out: Path, track: Tracker) -> None:
             rows += one.run(inputs.setting)
     table = success_table(pd.DataFrame(rows))
     save_sheets(out, {"success": table}, {"success": success_figure(table, f"{cfg.item}: success by failure round")})
-    pooled = table[table["seed"] == ALL]
-    success = dict(zip((f"success/{n}" for n in pooled["round"]), pooled["success"].tolist(), strict=True))
+    over_seeds = table[table["seed"] == ALL]
+    success = dict(zip((f"success/{n}" for n in over_seeds["round"]), over_seeds["success"].tolist(), strict=True))
     save_json(out / "summary.json", {"success": success}, schema="iterate_summary", version=1)
     track.metrics(success)
     for name in ("success.csv", "success.png"):

@@ -6,7 +6,7 @@ import logging
 from pathlib import Path
 
 from p2l.artifacts import save_arrays
-from p2l.evaluation.metareskill.learnt import learning_report
+from p2l.evaluation.metareskill.training import learning_report
 from p2l.metareskill.choosers.table import make_chooser
 from p2l.metareskill.history import History
 from p2l.metareskill.learn import record_history, train_recoveries
@@ -45,10 +45,10 @@ def run(cfg: LearnRecoveriesConfig, out: Path, track: Tracker) -> None:
                 settings = {"rounds": rounds, "episodes": episodes, **cfg.choosers[name].model_dump()}
                 record_history(records, cfg.item, trainer, name, history, settings)
                 histories[seed, name] = history
-            kept = histories[seed, cfg.compare[0]]
-            learnt = collect(trainer, setting.modes, setting.graph, kept, cfg.episodes)
+            first = histories[seed, cfg.compare[0]]
+            learnt = collect(trainer, setting.modes, setting.graph, first, cfg.episodes)
             save_recoveries(out / "recoveries" / f"s{seed}.npz", learnt)
-            save_arrays(out / "histories" / f"s{seed}.npz", kept.arrays(), schema="recovery_history", version=1)
+            save_arrays(out / "histories" / f"s{seed}.npz", first.arrays(), schema="recovery_history", version=1)
             if seed == cfg.seeds[0]:
                 films = film(cfg, inputs, learnt, out / "videos")
     summary = learning_report(out, cfg.item, setting, histories, cfg.compare)

@@ -19,13 +19,16 @@ def options() -> tuple[Option, ...]:
     return Follow("align", _align, (10,), (3,), behind), Follow("push", _push, (30,), (5,), aligned)
 
 
-def _align(seen: Observation) -> Waypoints:
-    pos = np.stack([np.full(len(seen), -0.08), seen["block_y_m"][:, 0], np.full(len(seen), HALF_BLOCK_M)], axis=1)
+def _align(observation: Observation) -> Waypoints:
+    pos = np.stack(
+        [np.full(len(observation), -0.08), observation["block_y_m"][:, 0], np.full(len(observation), HALF_BLOCK_M)],
+        axis=1,
+    )
     return _one_leg(pos)
 
 
-def _push(seen: Observation) -> Waypoints:
-    return _one_leg(seen["target_pos_m"] * [0.0, 1.0, 1.0] + [GOAL_X_M, 0.0, 0.0])
+def _push(observation: Observation) -> Waypoints:
+    return _one_leg(observation["target_pos_m"] * [0.0, 1.0, 1.0] + [GOAL_X_M, 0.0, 0.0])
 
 
 def _one_leg(pos: Array) -> Waypoints:

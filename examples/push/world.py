@@ -42,7 +42,7 @@ class Push(RobotWorld):
     def _truth(self, rows: Rows) -> Fields:
         return {"grip_pos_m": self.read(rows, "grip_pos"), "block_pos_m": self.read(rows, "block_pos")}
 
-    def _seen(self, rows: Rows, error: Array) -> Fields:
+    def _observation(self, rows: Rows, error: Array) -> Fields:
         block_y = self.read(rows, "block_pos")[:, 1:2] + error
         return {"grip_pos_m": self.read(rows, "grip_pos"), "block_y_m": block_y, "actions": rows.actions}
 

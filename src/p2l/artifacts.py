@@ -75,24 +75,24 @@ def _require(path: Path) -> Path:
     return path
 
 
-def _check(path: Path, found: Mapping[str, Any], schema: str, version: int, digest: str) -> None:
-    if found.get("schema") != schema or found.get("version") != version:
+def _check(path: Path, meta: Mapping[str, Any], schema: str, version: int, digest: str) -> None:
+    if meta.get("schema") != schema or meta.get("version") != version:
         raise ArtifactError(
-            f"{path}: holds schema '{found.get('schema')}' version {found.get('version')}; "
+            f"{path}: holds schema '{meta.get('schema')}' version {meta.get('version')}; "
             f"expected '{schema}' version {version}. Run the stage that makes it again."
         )
-    if found.get("digest") != digest:
+    if meta.get("digest") != digest:
         raise ArtifactError(f"{path}: content does not match its digest (damaged). Delete it and run `dvc repro`.")
 
 
 def save_arrays(path: Path | str, arrays: Mapping[str, AnyArray], *, schema: str, version: int) -> None:
     """Write named arrays to a compressed `.npz` with schema, version and digest inside."""
-    kept = {name: np.asarray(array) for name, array in arrays.items()}
-    if bad := [name for name, array in kept.items() if array.dtype.hasobject or name == _META]:
+    content = {name: np.asarray(array) for name, array in arrays.items()}
+    if bad := [name for name, array in content.items() if array.dtype.hasobject or name == _META]:
         raise ArtifactError(f"{path}: arrays {bad} hold Python objects or use a reserved name")
-    meta = json.dumps({"schema": schema, "version": version, "digest": _digest_arrays(kept)})
+    meta = json.dumps({"schema": schema, "version": version, "digest": _digest_arrays(content)})
     with atomic(path) as temporary, temporary.open("wb") as stream:
-        np.savez_compressed(stream, **kept, **{_META: np.frombuffer(meta.encode(), np.uint8)})
+        np.savez_compressed(stream, **content, **{_META: np.frombuffer(meta.encode(), np.uint8)})
 
 
 def load_arrays(path: Path | str, *, schema: str, version: int) -> dict[str, AnyArray]:
@@ -103,8 +103,8 @@ def load_arrays(path: Path | str, *, schema: str, version: int) -> dict[str, Any
     """
     path = _require(Path(path))
     try:
-        with np.load(path, allow_pickle=False) as stored:
-            arrays = {name: stored[name] for name in stored.files}
+        with np.load(path, allow_pickle=False) as archive:
+            arrays = {name: archive[name] for name in archive.files}
         meta = json.loads(arrays.pop(_META).tobytes())
     except (OSError, ValueError, KeyError, EOFError) as error:
         raise ArtifactError(f"{path}: not a p2l array artifact ({error})") from error
@@ -184,8 +184,8 @@ def save_network(path: Path | str, state: Mapping[str, torch.Tensor], card: Mapp
     weights = hashlib.blake2b(data, digest_size=16).hexdigest()
     with atomic(path) as temporary:
         temporary.write_bytes(data)
-        told = path.with_suffix(path.suffix + ".json")
-        save_json(told, {**card, "weights": weights}, schema=schema, version=1)  # nothing but a rename lies between
+        beside = path.with_suffix(path.suffix + ".json")
+        save_json(beside, {**card, "weights": weights}, schema=schema, version=1)  # nothing but a rename lies between
 
 
 def load_network(path: Path | str, *, schema: str) -> tuple[dict[str, torch.Tensor], dict[str, Any]]:

@@ -54,10 +54,10 @@ def closure(module: str, packages: Mapping[str, Path] | None = None) -> tuple[Pa
         files[name] = file
         parts = name.split(".")
         waiting += [".".join(parts[:length]) for length in range(1, len(parts))]  # importing a module runs its packages
-        for imported, attributes in _imports(file):
-            if imported.partition(".")[0] in folders:
-                waiting.append(imported)
-                waiting += [f"{imported}.{each}" for each in attributes if _file(f"{imported}.{each}", folders)]
+        for dependency, attributes in imports(file):
+            if dependency.partition(".")[0] in folders:
+                waiting.append(dependency)
+                waiting += [f"{dependency}.{each}" for each in attributes if _file(f"{dependency}.{each}", folders)]
     return tuple(sorted(file for file in set(files.values()) if _does_something(file)))
 
 
@@ -65,12 +65,12 @@ def code_digest(module: str, packages: Mapping[str, Path] | None = None) -> str:
     """Hash of the source of `closure`, for items that any change of it must run again."""
     folders = {"p2l": PACKAGE, **dict(packages or {})}
     roots = {folder.resolve(): name for name, folder in folders.items()}
-    told = []
+    sources = []
     for file in closure(module, packages):
         root = next(root for root in roots if file.resolve().is_relative_to(root))
         place = f"{roots[root]}/{file.resolve().relative_to(root).as_posix()}"
-        told.append([place, file.read_text(encoding="utf-8")])
-    return config_hash(sorted(told))
+        sources.append([place, file.read_text(encoding="utf-8")])
+    return config_hash(sorted(sources))
 
 
 def _file(name: str, folders: Mapping[str, Path]) -> Path | None:
@@ -83,13 +83,13 @@ def _file(name: str, folders: Mapping[str, Path]) -> Path | None:
 
 
 @cache
-def _parsed(file: Path, changed_ns: int) -> ast.Module:  # noqa: ARG001 (a file that has changed is read again)
+def _parse(file: Path, changed_ns: int) -> ast.Module:  # noqa: ARG001 (a file that has changed is read again)
     return ast.parse(file.read_text(encoding="utf-8"))
 
 
-def _imports(file: Path) -> Iterator[tuple[str, tuple[str, ...]]]:
+def imports(file: Path) -> Iterator[tuple[str, tuple[str, ...]]]:
     """Modules that a file imports, each with the names that it takes from it."""
-    waiting: list[ast.AST] = [_parsed(file, file.stat().st_mtime_ns)]
+    waiting: list[ast.AST] = [_parse(file, file.stat().st_mtime_ns)]
     while waiting:
         node = waiting.pop()
         if isinstance(node, ast.If) and _is_type_checking(node.test):
@@ -106,7 +106,7 @@ def _imports(file: Path) -> Iterator[tuple[str, tuple[str, ...]]]:
 
 def _does_something(file: Path) -> bool:
     """Whether a file holds more than a docstring, as a package's own often does not."""
-    body = _parsed(file, file.stat().st_mtime_ns).body
+    body = _parse(file, file.stat().st_mtime_ns).body
     return any(not (isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)) for node in body)
 
 

@@ -25,8 +25,8 @@ def rotate(rot: Rotation, vectors: npt.ArrayLike) -> Array:
     In place of scipy's `apply`: with AVX-512 its einsum rounds a row alone otherwise than the same row among others,
     and a restored failure would not go on to the bit.
     """
-    matrix, given = rot.as_matrix(), np.asarray(vectors, dtype=np.float64)
-    x, y, z = (matrix[..., axis] * given[..., axis, None] for axis in range(3))
+    matrix, points = rot.as_matrix(), np.asarray(vectors, dtype=np.float64)
+    x, y, z = (matrix[..., axis] * points[..., axis, None] for axis in range(3))
     return np.asarray(x + y + z)
 
 
@@ -85,5 +85,5 @@ def between(start: Array, end: Array, fraction: Array) -> Array:
     safe = np.where(near, 1.0, sine)
     first = np.where(near, 1.0 - fraction, np.sin((1.0 - fraction) * angle) / safe)
     second = np.where(near, fraction, np.sin(fraction * angle) / safe) * np.where(dot < 0.0, -1.0, 1.0)
-    mixed = first[:, None] * start + second[:, None] * end
-    return np.asarray(mixed / np.linalg.norm(mixed, axis=1, keepdims=True))
+    blend = first[:, None] * start + second[:, None] * end
+    return np.asarray(blend / np.linalg.norm(blend, axis=1, keepdims=True))

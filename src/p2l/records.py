@@ -38,21 +38,21 @@ def freeze(
     Raises:
         ShapeError: names the array, what was given and what is allowed.
     """
-    given = np.asarray(value)
-    if given.dtype.kind == "c":
+    raw = np.asarray(value)
+    if raw.dtype.kind == "c":
         raise ShapeError(f"{name}: holds complex numbers; expected real ones")
     try:
-        array = np.array(given, dtype=dtype, order="C")
+        array = np.array(raw, dtype=dtype, order="C")
     except (TypeError, ValueError) as error:
-        raise ShapeError(f"{name}: holds {given.dtype} values that are not numbers ({error})") from error
-    if array.dtype.kind in "iu" and given.dtype.kind == "f" and not np.array_equal(given, array):
+        raise ShapeError(f"{name}: holds {raw.dtype} values that are not numbers ({error})") from error
+    if array.dtype.kind in "iu" and raw.dtype.kind == "f" and not np.array_equal(raw, array):
         raise ShapeError(f"{name}: holds values that are not whole numbers; expected integers")
     if array.ndim != len(shape):
         raise ShapeError(f"{name}: has {array.ndim} axes {array.shape}; expected {len(shape)} axes {list(shape)}")
     for axis, (length, letter) in enumerate(zip(array.shape, shape, strict=True)):
-        wanted = letter if isinstance(letter, int) else sizes.setdefault(letter, length)
-        if length != wanted:
-            raise ShapeError(f"{name}: axis {axis} has length {length}; expected {letter} = {wanted}")
+        size = letter if isinstance(letter, int) else sizes.setdefault(letter, length)
+        if length != size:
+            raise ShapeError(f"{name}: axis {axis} has length {length}; expected {letter} = {size}")
     if finite and np.issubdtype(array.dtype, np.floating) and not np.isfinite(array).all():
         raise ShapeError(f"{name}: holds NaN or infinity at {np.argwhere(~np.isfinite(array))[0].tolist()}")
     if low is not None and array.size and array.min() < low:

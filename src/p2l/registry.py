@@ -48,7 +48,7 @@ class Registry(Generic[Factory]):
             return
         if name in self._loaders:
             raise ConfigError(f"{self.kind} '{name}' is already registered; choose another name")
-        self._loaders[name] = lambda: self._imported(target)
+        self._loaders[name] = lambda: self._import(target)
         self._targets[name] = target
 
     def names(self) -> tuple[str, ...]:
@@ -64,9 +64,9 @@ class Registry(Generic[Factory]):
         if name in self._loaders:
             return self._loaders[name]()
         if ":" in name:
-            return self._imported(name)
+            return self._import(name)
         if (point := next((point for point in self._entry_points() if point.name == name), None)) is not None:
-            return self._imported(point.value)
+            return self._import(point.value)
         raise ConfigError(
             f"unknown {self.kind} '{name}'; known: {', '.join(self.names()) or 'none'}, or 'package.module:attribute'"
         )
@@ -81,7 +81,7 @@ class Registry(Generic[Factory]):
             self.factory(name)
         return name
 
-    def checked(
+    def factory_for(
         self, name: str, params: Mapping[str, Any] | None, *, own: Iterable[str] = (), also: Iterable[str] = ()
     ) -> Factory:
         """The factory of `name`, if it takes the parameters `params`.
@@ -95,21 +95,21 @@ class Registry(Generic[Factory]):
         Raises:
             ConfigError: unknown name, or a parameter that its factory does not take.
         """
-        factory, hidden = self.factory(name), set(own)
+        factory, internal = self.factory(name), set(own)
         signature = inspect.signature(factory).parameters
         if any(parameter.kind is parameter.VAR_KEYWORD for parameter in signature.values()):
             return factory
-        allowed = [*also, *(parameter for parameter in signature if parameter not in hidden)]
-        if unknown := sorted(set(params or {}) - set(allowed)):
+        names = [*also, *(parameter for parameter in signature if parameter not in internal)]
+        if unknown := sorted(set(params or {}) - set(names)):
             raise ConfigError(
-                f"{self.kind} '{name}': unknown parameters {unknown}; allowed: {', '.join(allowed) or 'none'}"
+                f"{self.kind} '{name}': unknown parameters {unknown}; allowed: {', '.join(names) or 'none'}"
             )
         return factory
 
     def _entry_points(self) -> Iterable[Any]:
         return entry_points(group=f"p2l.{self.kind}s")
 
-    def _imported(self, target: str) -> Factory:
+    def _import(self, target: str) -> Factory:
         module, _, attribute = target.partition(":")
         try:
             return cast(Factory, getattr(importlib.import_module(module), attribute))

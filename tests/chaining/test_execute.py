@@ -20,7 +20,7 @@ def test_the_recovery_takes_over_where_the_nominal_skills_were_flagged_and_only_
     agent = agent_of(learner, lambda observation: np.full(len(observation), PUSH))
     found = overall(world, nominal, agent, starts, plain)
     assert_array_equal(found.nominal, plain.success)
-    assert_array_equal(found.flagged, plain.last.reason == Reason.FAILED)
+    assert_array_equal(found.flagged, plain.last.reason == Reason.FAILURE)
     alone = recover(world, nominal, agent, plain.last.rows.take(found.flagged))
     assert_array_equal(found.success[found.flagged], alone.success)
     assert_array_equal(found.success[~found.flagged], plain.success[~found.flagged])

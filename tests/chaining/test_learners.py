@@ -9,7 +9,7 @@ from p2l.chaining.learners.lazy_rc import Lazy, LazySettings, certain_from
 from p2l.chaining.learners.table import make_learner
 from p2l.chaining.mdp import Limits, Transitions
 from p2l.chaining.ppo import PoolPPO, PPOSettings
-from p2l.chaining.preconditions import ControllerPreconditions, Visited, fit, visit
+from p2l.chaining.preconditions import ControllerPreconditions, TrajectoryStates, fit, visit
 from p2l.chaining.train import card_of
 from p2l.contracts.observation import Observation
 from p2l.errors import ConfigError
@@ -99,15 +99,15 @@ def test_pretrained_preconditions_pay_where_one_holds_and_name_the_best_controll
     known = learner.preconditions
     copied = ControllerPreconditions.from_arrays(known.arrays())
     visited = visit(world, nominal, world.sample(np.random.default_rng(5), 40), every=4)
-    state = np.concatenate([visited.seen["grip_pos_m"], visited.seen["block_y_m"]], axis=1)
+    state = np.concatenate([visited.observation["grip_pos_m"], visited.observation["block_y_m"]], axis=1)
     assert_allclose(copied.score(state), known.score(state))
     for option in (0, 1):
         mine = visited.option == option
         scores = known.score(state)[mine, option]
         assert scores[visited.success[mine]].mean() > scores[~visited.success[mine]].mean()
-    assert_array_equal(known.met(state), known.score(state)[np.arange(len(state)), known.best(state)] >= 0.5)
+    assert_array_equal(known.holds(state), known.score(state)[np.arange(len(state)), known.best(state)] >= 0.5)
     far = state + [0.0, 0.0, 0.3, 0.0]
-    assert not known.met(far).any(), "far from all data nothing is believed to hold"
+    assert not known.holds(far).any(), "far from all data nothing is believed to hold"
     pool = learner.pool(task, np.random.default_rng(0), 4)
     assert pool.actions == tuple(option.name for option in PRIMITIVES)
 
@@ -115,8 +115,8 @@ def test_pretrained_preconditions_pay_where_one_holds_and_name_the_best_controll
 def test_the_number_of_actions_so_far_says_nothing_about_a_precondition(world, nominal):
     """In nominal runs it tells the controllers apart; a recovery has taken more."""
     visited = visit(world, nominal, world.sample(np.random.default_rng(5), 60), every=2)
-    fields = {"actions": visited.option[:, None], "block_y_m": visited.seen["block_y_m"]}
-    counted = Visited(Observation.of(fields), visited.option, visited.success)
+    fields = {"actions": visited.option[:, None], "block_y_m": visited.observation["block_y_m"]}
+    counted = TrajectoryStates(Observation.of(fields), visited.option, visited.success)
     known = fit(counted, nominal, ("actions", "block_y_m"), 0.5, np.random.default_rng(0))
     state = np.stack([np.zeros(20), np.linspace(-0.1, 0.1, 20)], axis=1)
     assert_array_equal(known.score(state), known.score(state + [7.0, 0.0]))
@@ -127,8 +127,8 @@ def test_states_of_nominal_runs_are_labelled_by_how_the_run_ended(world, nominal
     visited = visit(world, nominal, world.sample(np.random.default_rng(2), 12), every=3)
     assert set(visited.option.tolist()) == {0, 1}
     assert 0 < visited.success.sum() < len(visited.success)
-    late = visited.seen["grip_pos_m"][visited.option == 1]
-    assert late[:, 0].mean() > visited.seen["grip_pos_m"][visited.option == 0][:, 0].mean()
+    late = visited.observation["grip_pos_m"][visited.option == 1]
+    assert late[:, 0].mean() > visited.observation["grip_pos_m"][visited.option == 0][:, 0].mean()
 
 
 def test_flat_learning_is_paid_for_progress_and_may_use_its_fingers(task, world, monkeypatch):

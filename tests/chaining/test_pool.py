@@ -62,7 +62,7 @@ def chain_from(world, row, first):
         runner.begin(np.array([0]), np.array([option]))
         while not len((events := runner.advance()).slot):
             pass
-        if events.reason[0] in (Reason.FAILED, Reason.DIVERGED):
+        if events.reason[0] in (Reason.FAILURE, Reason.DIVERGENCE):
             return False
     return bool(world.goal(runner.rows)[0])
 
@@ -139,12 +139,14 @@ def test_history_is_newest_first_and_starts_over(world, failures):
 
 def test_an_option_that_never_ends_is_bounded_and_counted(world, failures):
     class Endless(Follow):
-        def decide(self, seen, memory, step):
-            decision = super().decide(seen, memory, step)
-            return type(decision)(decision.command, decision.memory, np.zeros(len(seen), dtype=np.bool_))
+        def decide(self, observation, memory, step):
+            decision = super().decide(observation, memory, step)
+            return type(decision)(decision.command, decision.memory, np.zeros(len(observation), dtype=np.bool_))
 
-    def here(seen):
-        return Waypoints(seen["target_pos_m"][:, None], seen["target_quat"][:, None], np.zeros((len(seen), 1)))
+    def here(observation):
+        return Waypoints(
+            observation["target_pos_m"][:, None], observation["target_quat"][:, None], np.zeros((len(observation), 1))
+        )
 
     still = Endless("endless", here, (5,), (0,), lambda truth: np.ones(len(truth), dtype=np.bool_))
     made = Pool(world, (still,), PRIMITIVES, lambda n: failures.take(np.zeros(n, dtype=np.int64)), 1)

@@ -7,14 +7,14 @@ from numpy.testing import assert_allclose, assert_array_equal
 from stable_baselines3.common.callbacks import BaseCallback
 
 from p2l.chaining.checkpoint import FILE, load_checkpoint
-from p2l.chaining.execute import Recovered
+from p2l.chaining.execute import RecoveryResults
 from p2l.chaining.learner import ChainTask
 from p2l.chaining.learners.table import make_learner
 from p2l.chaining.mdp import Limits
 from p2l.chaining.policy import check_policy, load_policy
 from p2l.chaining.ppo import PoolPPO, PPOSettings
 from p2l.chaining.train import TrainSettings, card_of, split, train
-from p2l.chaining.weights import exported, restore, tensors
+from p2l.chaining.weights import export_policy, restore, tensors
 from p2l.errors import ArtifactError, ConfigError
 
 SMALL = PPOSettings(n_steps=24, batch_size=12, n_epochs=2, hidden=(8, 8))
@@ -37,7 +37,7 @@ class Keep(BaseCallback):
         return True
 
     def _on_rollout_end(self):
-        self.rounds.append((self.locals["taken"], self.model.rollout_buffer))
+        self.rounds.append((self.locals["decisions"], self.model.rollout_buffer))
         taken, buffer = self.rounds[-1]
         with torch.no_grad():
             after = self.model.policy.predict_values(torch.tensor(taken.after, dtype=torch.float32))[:, 0].numpy()
@@ -77,7 +77,7 @@ def test_an_exported_policy_does_what_sb3_does_and_is_refused_elsewhere(task, tm
     policy = load_policy(tmp_path)
     model = made(task, history=2)
     observation = np.random.default_rng(0).normal(size=(200, len(card.columns)))
-    mine = exported(model, card)
+    mine = export_policy(model, card)
     theirs = model.predict(observation.astype(np.float32), deterministic=True)[0]
     logits = mine.logits(observation).detach().numpy()
     best, chosen = logits.max(axis=1), logits[np.arange(len(theirs)), theirs]
@@ -103,14 +103,16 @@ def test_the_policy_of_the_best_evaluation_is_kept_the_later_of_equals(task, tmp
     seen, scripted = [], iter([0.25, 0.5, 0.5, *[0.25] * 20])
 
     def watched(model, card):
-        seen.append(exported(model, card))
+        seen.append(export_policy(model, card))
         return seen[-1]
 
     def judged(*given):
         count, share = len(given[3]), next(scripted)
-        return Recovered(np.arange(count) < share * count, np.zeros((count, 1), dtype=int), np.ones(count, dtype=int))
+        return RecoveryResults(
+            np.arange(count) < share * count, np.zeros((count, 1), dtype=int), np.ones(count, dtype=int)
+        )
 
-    monkeypatch.setattr("p2l.chaining.train.exported", watched)
+    monkeypatch.setattr("p2l.chaining.train.export_policy", watched)
     monkeypatch.setattr("p2l.chaining.train.recover", judged)
     settings = TrainSettings(1500, 8, 200, 4, SMALL)
     done = train(task, learner, task.failures.take(range(4)), settings, card, tmp_path, _silent)
@@ -197,6 +199,6 @@ def test_bad_input_is_refused_before_anything_is_simulated(task, failures):
 def test_failures_are_set_apart_only_where_there_are_enough(failures):
     many = failures.take(np.arange(50) % len(failures))
     parts = split(many, 10, 0, "push")
-    assert (len(parts.learnt), len(parts.apart)) == (40, 10)
+    assert (len(parts.training), len(parts.evaluation)) == (40, 10)
     few = split(many.take(np.arange(12)), 10, 0, "push")
-    assert (len(few.learnt), len(few.apart)) == (12, 10)
+    assert (len(few.training), len(few.evaluation)) == (12, 10)

@@ -31,7 +31,7 @@ def push():
 @pytest.fixture(scope="module")
 def failures(push):
     plain = nominal_part(*push, push[0].sample(np.random.default_rng(0), 30))
-    return plain.last.rows.take(plain.last.reason == Reason.FAILED)
+    return plain.last.rows.take(plain.last.reason == Reason.FAILURE)
 
 
 def doing(*actions):

@@ -124,8 +124,8 @@ def play(world, made, failure, decisions, paid=YES, tag=0.0, **told):
     """An episode in slot 0 that starts at `failure` and takes so many decisions."""
     made.forget(FIRST)
     for decision in range(decisions):
-        made.passing(FIRST, moments(world, [decision], failure, tag))
-    made.ended(FIRST, paid, **told)
+        made.record(FIRST, moments(world, [decision], failure, tag))
+    made.end(FIRST, paid, **told)
     made._recent[:] = 0.0
 
 
@@ -151,8 +151,8 @@ def test_only_whole_ways_that_were_paid_are_kept(world, one):
     for _ in range(40):
         number, failure, _ = again(one)
         found.add((number, failure))
-        one.passing(FIRST, moments(world, [2], failure))
-        one.ended(FIRST, np.array([number == 1]))  # well, but not from the failure on
+        one.record(FIRST, moments(world, [2], failure))
+        one.end(FIRST, np.array([number == 1]))  # well, but not from the failure on
     assert found == {(0, 2), (1, 2)}
 
 
@@ -176,7 +176,7 @@ def test_every_failure_has_its_own_way_however_often_it_was_paid(world, one):
         play(world, one, 1, 2)
     play(world, one, 2, 2)
     for failure in one._failures.values():
-        failure.solved = 0.0
+        failure.success = 0.0
     counts = np.bincount([int(again(one)[1]) for _ in range(400)], minlength=3)
     assert counts[2] == pytest.approx(200, abs=50)
 
@@ -204,19 +204,19 @@ def test_a_moment_learns_from_every_episode_and_a_failure_only_from_its_own(worl
     way = next(iter(made._failures.values())).way
     made._episodes = [replace(episode, way=way, moment=0) for episode in made._episodes]
     assert not made.fresh.any()
-    made.ended(BOTH, np.array([True, False]))
+    made.end(BOTH, np.array([True, False]))
     assert way.success[0] == pytest.approx((0.5 + 0.3 * 0.5) * 0.7)
-    assert next(iter(made._failures.values())).solved == pytest.approx(0.3)
+    assert next(iter(made._failures.values())).success == pytest.approx(0.3)
 
 
 def test_pay_that_was_not_simulated_counts_but_leaves_no_way(world, one):
     play(world, one, 1, 2, simulated=False)
     (failure,) = one._failures.values()
-    assert failure.solved == pytest.approx(0.3)
+    assert failure.success == pytest.approx(0.3)
     assert one.begin(FIRST)[1] is None
     play(world, one, 1, 2)
     moment = int(again(one)[0])
-    one.ended(FIRST, YES, simulated=False)
+    one.end(FIRST, YES, simulated=False)
     assert failure.way.success[moment] == pytest.approx(0.5 + 0.3 * 0.5)
 
 
@@ -226,7 +226,7 @@ def test_an_episode_under_way_outlives_its_way(world, few):
     again(made, SECOND)
     play(world, made, 1, 2)
     assert not made.fresh[1]
-    made.ended(SECOND, NO)
+    made.end(SECOND, NO)
     (failure,) = made._failures.values()
     assert_array_equal(failure.way.success, [0.5, 0.5])  # what came of the old way says nothing about the new one
 
@@ -237,7 +237,7 @@ def test_the_share_grows_with_ways_and_falls_with_success(world, recent, left, w
     made = Revisits(0.5, 1, 2, np.random.default_rng(0))
     for failure in range(ways):
         play(world, made, failure, 2)
-    made._ended, made._recent[: round(recent * RECENT)] = RECENT, 1.0
+    made._fresh_count, made._recent[: round(recent * RECENT)] = RECENT, 1.0
     assert made.share == pytest.approx(0.5 * left * min(1.0, ways / MANY))
     back = sum(len(made.begin(FIRST)[0]) for _ in range(400))
     assert back == pytest.approx(400 * made.share, abs=50)
@@ -248,8 +248,8 @@ def between(world, made, failures, lengths, paid=(True, True)):
     made.forget(BOTH)
     for decision in range(max(lengths)):
         for slot in np.flatnonzero(np.array(lengths) > decision):
-            made.passing(np.array([slot]), moments(world, [decision], failures[slot], slot + 1.0))
-    made.ended(BOTH, np.array(paid))
+            made.record(np.array([slot]), moments(world, [decision], failures[slot], slot + 1.0))
+    made.end(BOTH, np.array(paid))
 
 
 def test_slots_do_not_mix_their_ways(world, few):
@@ -273,8 +273,8 @@ def test_each_episode_gets_the_simulation_of_its_own_moment(world, few):
     for decision in range(2):
         at = moments(world, [decision, decision], 0, decision)
         state = at.state + np.array([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-        made.passing(BOTH, replace(at, rows=starts, state=state, muted=np.full(2, decision == 0)))
-    made.ended(BOTH, np.array([True, True]))
+        made.record(BOTH, replace(at, rows=starts, state=state, muted=np.full(2, decision == 0)))
+    made.end(BOTH, np.array([True, True]))
     made._recent[:] = 0.0
     for _ in range(50):
         _, kept = made.begin(BOTH)
@@ -290,17 +290,17 @@ def test_the_share_follows_what_came_of_recorded_failures(world, few):
     for number, well in enumerate(outcomes):
         made.forget(FIRST)
         for decision in range(2):
-            made.passing(FIRST, moments(world, [decision], 1))
-        made.ended(FIRST, np.array([well]), simulated=number == 0)
+            made.record(FIRST, moments(world, [decision], 1))
+        made.end(FIRST, np.array([well]), simulated=number == 0)
         recent = np.mean(outcomes[: number + 1])
         assert made.share == pytest.approx(max(0.0, 1.0 - recent / ENOUGH))
     again(made)
     before = made.share
-    made.ended(FIRST, YES)
+    made.end(FIRST, YES)
     assert made.share == before, "what comes of going back does not count"
     made.forget(FIRST)
-    made.passing(FIRST, moments(world, [0], 1))
-    made.ended(FIRST, YES, simulated=False)
+    made.record(FIRST, moments(world, [0], 1))
+    made.end(FIRST, YES, simulated=False)
     assert made.share == pytest.approx(1.0 - 2 / 5 / ENOUGH), "pay that was not simulated does"
     for _ in range(RECENT):
         play_on(world, made)
@@ -310,14 +310,14 @@ def test_the_share_follows_what_came_of_recorded_failures(world, few):
 def play_on(world, made):
     """One more failed episode."""
     made.forget(FIRST)
-    made.passing(FIRST, moments(world, [0], 1))
-    made.ended(FIRST, NO)
+    made.record(FIRST, moments(world, [0], 1))
+    made.end(FIRST, NO)
 
 
 def test_a_way_whose_moments_always_pay_can_be_gone_back_to(world, one):
     play(world, one, 1, 2)
     (failure,) = one._failures.values()
-    failure.solved, failure.way.success[:] = 1.0, 1.0
+    failure.success, failure.way.success[:] = 1.0, 1.0
     assert again(one)[1] == 1
 
 

@@ -1,9 +1,11 @@
 import numpy as np
 import pytest
 
-from p2l.domains.insertion.domain import InsertionDomain, RepsSettings, board, insertion
+from p2l.domains.insertion.domain import InsertionDomain, RepsSettings
+from p2l.domains.insertion.factory import board, insertion
 from p2l.domains.insertion.layouts import make_tasks
 from p2l.domains.insertion.physics import InsertionPhysics, build_model, is_inserted, start_states
+from p2l.domains.insertion.rollouts import TIMING, Rollouts
 from p2l.domains.insertion.waypoints import execute
 from p2l.errors import ConfigError, ShapeError
 from p2l.sim.batch import Engine
@@ -92,7 +94,7 @@ def test_waypoints_start_from_where_the_end_effector_stands():
             states,
             skills,
             np.zeros(2, np.int64),
-            InsertionDomain.timing,
+            TIMING,
             position_sensor="grip_pos",
             keep_trace=True,
         )
@@ -101,7 +103,7 @@ def test_waypoints_start_from_where_the_end_effector_stands():
     assert abs(ended[0] - ended[1]) < 1.2e-3
     assert (ended < 0.0).all()
     with pytest.raises(ShapeError, match=r"expected \[2, W, 4\]"), Engine([model], control_period_s=0.048) as engine:
-        execute(engine, states, skills[:1], np.zeros(2, np.int64), InsertionDomain.timing, position_sensor="grip_pos")
+        execute(engine, states, skills[:1], np.zeros(2, np.int64), TIMING, position_sensor="grip_pos")
 
 
 def test_insertion_is_a_matter_of_depth():
@@ -126,4 +128,4 @@ def test_unknown_settings_are_refused():
             insertion(**wrong)
     assert board(physics={"friction": 0.4}).physics.tip == "peg"
     with pytest.raises(ConfigError, match="unknown tip"):
-        insertion(physics={"tip": "cone"})._model(wall_task(0.01), 0)
+        Rollouts(insertion(physics={"tip": "cone"}).physics, nthread=1).model(wall_task(0.01), 0)

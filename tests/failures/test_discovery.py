@@ -36,7 +36,7 @@ def test_a_failure_leaves_no_option_and_no_goal_unless_a_detector_ended_it(pushe
     world, options, made = pushed
     failures, strategy = made.failures, made.failures.origin.strategy
     if strategy == "first_flag":
-        assert (made.execution.last.reason[failures.episode] == Reason.FAILED).all()
+        assert (made.execution.last.reason[failures.episode] == Reason.FAILURE).all()
         assert STRANDED not in failures.kind_names()
     else:
         assert stranded(world, options, failures.rows).all()

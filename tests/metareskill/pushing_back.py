@@ -30,9 +30,9 @@ class Seen(Push):
         found = super()._truth(rows)
         return {**found, "block_y_m": found["block_pos_m"][:, 1:2], "grip_quat": self.read(rows, "grip_quat")}
 
-    def _seen(self, rows, error):
+    def _observation(self, rows, error):
         block = self.read(rows, "block_pos") + np.pad(error, ((0, 0), (1, 1)))
-        return {**super()._seen(rows, error), "block_pos_m": block, "grip_quat": self.read(rows, "grip_quat")}
+        return {**super()._observation(rows, error), "block_pos_m": block, "grip_quat": self.read(rows, "grip_quat")}
 
     def symbols(self):
         return PushSymbols()
@@ -43,14 +43,14 @@ class PushSymbols:
 
     names, context, far = NAMES, (0, 1), np.array([0.05, 0.02])
 
-    def state(self, known):
-        return np.column_stack([known["grip_pos_m"][:, 0], known["grip_pos_m"][:, 1] - known["block_y_m"][:, 0]])
+    def state(self, source):
+        return np.column_stack([source["grip_pos_m"][:, 0], source["grip_pos_m"][:, 1] - source["block_y_m"][:, 0]])
 
-    def hand(self, known, state):
-        place = np.column_stack([state[:, 0], state[:, 1] + known["block_y_m"][:, 0], known["grip_pos_m"][:, 2]])
+    def hand(self, source, state):
+        place = np.column_stack([state[:, 0], state[:, 1] + source["block_y_m"][:, 0], source["grip_pos_m"][:, 2]])
         return place, np.tile(DOWN, (len(state), 1))
 
-    def closed(self, state):
+    def fingers_closed(self, state):
         return np.zeros(len(state), dtype=np.bool_)
 
 

@@ -48,13 +48,13 @@ def test_initial_rounds_come_first_and_in_turn(name):
 
 
 def test_round_robin_takes_turns():
-    np.testing.assert_array_equal(run(GRAPH, "round_robin", CURVES, 60).trained, 3)
+    np.testing.assert_array_equal(run(GRAPH, "round_robin", CURVES, 60).counts, 3)
 
 
 @given(st.lists(st.integers(1, 400), min_size=1, max_size=6), st.integers(1, 60))
 def test_weighted_round_robin_is_proportional(sizes, rounds):
     graph = fresh(sizes=sizes)
-    trained = run(graph, "weighted_round_robin", np.zeros((*graph.q.shape, 60)), rounds).trained
+    trained = run(graph, "weighted_round_robin", np.zeros((*graph.q.shape, 60)), rounds).counts
     assert np.abs(trained.sum(axis=1) - rounds * graph.share).max() < max(1.0, len(sizes) / 2)
     assert (np.ptp(trained, axis=1) <= 1).all()
 
@@ -88,7 +88,7 @@ def test_bandits_prefer_what_paid():
     curves = np.zeros((5, 4, 80))
     curves[0, 3] = np.minimum(1.0, np.arange(1, 81) / 20)
     for name in ("ucb1", "thompson"):
-        trained = run(GRAPH, name, curves, 80, **params(name, 80)).trained
+        trained = run(GRAPH, name, curves, 80, **params(name, 80)).counts
         assert trained[0, 3] > 2 * np.delete(trained.ravel(), 3).max()
 
 

@@ -9,7 +9,7 @@ from p2l.metareskill.ledger import Entry, Ledger
 from p2l.metareskill.query import QueryOptions
 from p2l.metareskill.regression import ParameterisedSkill
 from p2l.metareskill.train import Members, Trainer
-from p2l.skills.execute import known_exactly
+from p2l.skills.execute import without_noise
 from p2l.skills.relative import SIZE
 from tests.metareskill import pushing_back as pb
 
@@ -37,10 +37,10 @@ def trainer(task, failures, held_out, residual=True):
 def test_at_a_solved_failure_a_skill_does_what_reps_found_there_also_after_storage(task, residual, tmp_path):
     made, found = trainer(task, [0, 0, 0], [0], residual), np.random.default_rng(1).normal(size=(2, SIZE))
     made.ledger.entries.update({(0, PUSH, n): entry(n, found[n], q=0.1 * n) for n in range(2)})
-    skill = made.skill(0, PUSH, trained=2)
+    skill = made.skill(0, PUSH, trainings=2)
     save_arrays(tmp_path / "skill.npz", skill.arrays(), schema="recovery", version=1)
     back = ParameterisedSkill.from_arrays(load_arrays(tmp_path / "skill.npz", schema="recovery", version=1))
-    seen = task.world.observe(known_exactly(made.failures.rows))
+    seen = task.world.observe(without_noise(made.failures.rows))
     for each in (skill, back):
         assert each.residual is residual
         np.testing.assert_allclose(task.recovery(each, PUSH, seen)[:2], found, atol=1e-12)

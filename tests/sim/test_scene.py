@@ -21,7 +21,7 @@ def parts(**changes):
     arena.set_origin([0, 0, 0])
     screen = BoxObject(name="screen", size=[0.02, 0.1, 0.1], joints=None)
     cube = BoxObject(name="cube", size=[0.02, 0.02, 0.02], density=500)
-    given = {"furniture": ("screen_main",), "tracked": {"screen": "screen_main", "cube": "cube_main"}} | changes
+    given = {"furniture": ("screen_main",), "pose_sensors": {"screen": "screen_main", "cube": "cube_main"}} | changes
     return Parts(arena, (screen, cube), (-0.56, 0.0, 0.0), **given)
 
 
@@ -53,8 +53,12 @@ def test_what_enters_and_what_leaves(scene):
     assert not any("torq" in name for name in names)
     assert len(names) == 8  # and two fingers
     assert not ((model.geom_contype == 0) & (model.geom_conaffinity == 0)).any()
-    assert scene.drawn.ngeom > model.ngeom
-    assert (scene.drawn.nq, scene.drawn.nv, scene.drawn.nmocap) == (model.nq, model.nv, model.nmocap)
+    assert scene.visual_model.ngeom > model.ngeom
+    assert (scene.visual_model.nq, scene.visual_model.nv, scene.visual_model.nmocap) == (
+        model.nq,
+        model.nv,
+        model.nmocap,
+    )
     assert model.opt.timestep == PHYSICS.timestep_s
 
 
@@ -92,7 +96,11 @@ def test_a_variant_changes_only_itself(scene):
         model.body_mass[model.body("cube_main").id] = 1.5
 
     changed = variant(scene, heavy)
-    assert changed.model.body_mass[cube] == changed.drawn.body_mass[changed.drawn.body("cube_main").id] == 1.5
+    assert (
+        changed.model.body_mass[cube]
+        == changed.visual_model.body_mass[changed.visual_model.body("cube_main").id]
+        == 1.5
+    )
     assert scene.model.body_mass[cube] == pytest.approx(500 * 0.04**3)
     Engine([scene.model, changed.model], control_period_s=0.05, nthread=1).close()
 

@@ -25,23 +25,30 @@ def machine(enter=None):
     return Machine(
         "there and shut",
         (
-            Phase(lambda seen: np.tile([1.0, 0.0, 0.0], (len(seen), 1)), grip=0.0, limit=4, pace_m=0.3),
-            Phase(lambda seen: seen["target_pos_m"], grip=1.0, still_m=1e-3, reached_m=np.inf, at_least=2, limit=6),
+            Phase(lambda observation: np.tile([1.0, 0.0, 0.0], (len(observation), 1)), grip=0.0, limit=4, pace_m=0.3),
+            Phase(
+                lambda observation: observation["target_pos_m"],
+                grip=1.0,
+                still_m=1e-3,
+                reached_m=np.inf,
+                at_least=2,
+                limit=6,
+            ),
         ),
-        orient=lambda seen: np.tile(UNIT, (len(seen), 1)),
+        orient=lambda observation: np.tile(UNIT, (len(observation), 1)),
         ready=lambda truth: np.ones(len(truth), dtype=bool),
         enter=enter,
     )
 
 
-def decide(option, seen, memory):
-    return option.decide(seen, memory, np.zeros(len(seen), dtype=np.int64))
+def decide(option, observation, memory):
+    return option.decide(observation, memory, np.zeros(len(observation), dtype=np.int64))
 
 
 def test_the_target_goes_straight_at_its_pace_and_stops_at_the_goal():
     option = machine()
-    seen = see([0.0, 0.0, 0.0], [0.4, 0.8, 0.0])
-    moved = decide(option, seen, option.begin(seen)).command
+    observation = see([0.0, 0.0, 0.0], [0.4, 0.8, 0.0])
+    moved = decide(option, observation, option.begin(observation)).command
     assert_allclose(moved.pos, [[0.4 + 0.3 * 0.6, 0.8 - 0.3 * 0.8, 0.0]])
     near = see([0.0, 0.0, 0.0], [0.9, 0.0, 0.0])
     assert_allclose(decide(option, near, option.begin(near)).command.pos, [[1.0, 0.0, 0.0]])
@@ -66,7 +73,7 @@ def test_a_phase_ends_when_its_goal_is_reached_or_its_time_is_over():
 
 
 def test_fingers_must_have_come_to_rest():
-    option = machine(enter=lambda seen: np.ones(len(seen), dtype=np.int64))
+    option = machine(enter=lambda observation: np.ones(len(observation), dtype=np.int64))
     gaps, done = [0.08, 0.06, 0.05, 0.0495, 0.0495], []
     memory = option.begin(see([0.0] * 3, [0.0] * 3))
     for gap in gaps:
@@ -81,27 +88,27 @@ def test_rows_do_not_touch_each_other(order):
     option = machine()
     assert isinstance(option, Option)
     pos = np.array([[1.0, 0.0, 0.0], [0.0, 0.5, 0.0], [0.2, 0.0, 0.1]])
-    seen = see(pos, pos)
-    whole = decide(option, seen, option.begin(seen))
-    part = decide(option, seen.take(order), option.begin(seen.take(order)))
+    observation = see(pos, pos)
+    whole = decide(option, observation, option.begin(observation))
+    part = decide(option, observation.take(order), option.begin(observation.take(order)))
     assert_array_equal(part.command.pos, whole.command.pos[order])
     assert_array_equal(part.memory, whole.memory[order])
 
 
 def test_linked_machines_decide_together_what_each_decides_alone():
     """The second begins in its second phase; each ends where its own phases do."""
-    alone = (machine(), machine(enter=lambda seen: np.ones(len(seen), dtype=np.int64)))
+    alone = (machine(), machine(enter=lambda observation: np.ones(len(observation), dtype=np.int64)))
     first, second = link(alone)
     assert first.decides_as == second.decides_as
     pos = np.array([[0.0, 0.0, 0.0], [0.0, 0.5, 0.0]])
-    seen = see(pos, pos)
-    parts = [seen.take([0]), seen.take([1])]
+    observation = see(pos, pos)
+    parts = [observation.take([0]), observation.take([1])]
     own = [one.begin(part) for one, part in zip(alone, parts, strict=True)]
     together = np.concatenate([one.begin(part) for one, part in zip((first, second), parts, strict=True)])
     ends = []
     for _ in range(11):
         decisions = [decide(one, part, memory) for one, part, memory in zip(alone, parts, own, strict=True)]
-        both = decide(first, seen, together)
+        both = decide(first, observation, together)
         for row, decision in enumerate(decisions):
             assert_array_equal(both.command.pos[row], decision.command.pos[0])
             assert_array_equal(both.command.quat[row], decision.command.quat[0])

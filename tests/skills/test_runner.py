@@ -16,8 +16,10 @@ from p2l.skills.runner import Reason, Runner
 def wait(steps: int, name: str) -> Follow:
     """Hold still for a number of control steps."""
 
-    def here(seen):
-        return Waypoints(seen["target_pos_m"][:, None], seen["target_quat"][:, None], np.zeros((len(seen), 1)))
+    def here(observation):
+        return Waypoints(
+            observation["target_pos_m"][:, None], observation["target_quat"][:, None], np.zeros((len(observation), 1))
+        )
 
     return Follow(name, here, (steps,), (0,), lambda truth: np.ones(len(truth), dtype=np.bool_))
 
@@ -54,9 +56,9 @@ def test_time_and_actions_are_counted(world):
 
 def test_a_timeout_ends_an_option_that_never_does(world):
     class Endless(Follow):
-        def decide(self, seen, memory, step):
-            decision = super().decide(seen, memory, step)
-            return type(decision)(decision.command, decision.memory, np.zeros(len(seen), dtype=np.bool_))
+        def decide(self, observation, memory, step):
+            decision = super().decide(observation, memory, step)
+            return type(decision)(decision.command, decision.memory, np.zeros(len(observation), dtype=np.bool_))
 
     first = wait(5, "endless")
     endless = Endless(first.name, first.plan, first.legs, first.settle, first.ready)
@@ -71,7 +73,7 @@ def test_a_flag_stops_the_episode_or_is_noted(world):
     noted = chain.run(world, world.nominal_options(), rows, stop_on_failure=False)
     flagged = stopped.last.kind != NO_FAILURE
     assert 0 < flagged.sum() < len(rows)
-    assert_array_equal(flagged, stopped.last.reason == Reason.FAILED)
+    assert_array_equal(flagged, stopped.last.reason == Reason.FAILURE)
     assert_array_equal(stopped.last.kind_step[flagged], stopped.last.step[flagged])
     assert_array_equal(noted.last.kind, stopped.last.kind)
     assert_array_equal(noted.last.kind_step[flagged], stopped.last.step[flagged])
@@ -93,7 +95,7 @@ def test_a_diverging_row_is_put_aside_and_the_batch_goes_on(world):
     rows.states[1, 1 + world.engine.nq] = 1e12
     run = chain.run(world, world.nominal_options(), rows)
     assert_array_equal(run.diverged, [False, True, False])
-    assert run.last.reason[1] == Reason.DIVERGED
+    assert run.last.reason[1] == Reason.DIVERGENCE
     assert not run.success[1]
     assert np.isfinite(run.last.rows.states).all()
     assert_array_equal(run.last.rows.states[[0, 2]], sound.last.rows.states[[0, 2]])
@@ -109,8 +111,10 @@ def test_the_way_is_the_sum_of_its_pieces(world):
         points.append(world.read(at, "grip_pos")[0])
     lift = Follow(
         "lift",
-        lambda seen: Waypoints(
-            (seen["target_pos_m"] + [0.0, 0.0, 0.08])[:, None], seen["target_quat"][:, None], np.zeros((1, 1))
+        lambda observation: Waypoints(
+            (observation["target_pos_m"] + [0.0, 0.0, 0.08])[:, None],
+            observation["target_quat"][:, None],
+            np.zeros((1, 1)),
         ),
         (8,),
         (0,),

@@ -34,10 +34,10 @@ class PushSeen(Seen):
     def nominal_options(self):
         """Come alongside by a sideways step, so that a hand that is past the block is lost; then push."""
 
-        def sideways(seen):
-            x, z = (seen["target_pos_m"][:, axis] for axis in (0, 2))
-            pos = np.stack([x, seen["block_y_m"][:, 0], z], axis=1)
-            return Waypoints(pos[:, None], np.tile(DOWN, (len(seen), 1, 1)), np.zeros((len(seen), 1)))
+        def sideways(observation):
+            x, z = (observation["target_pos_m"][:, axis] for axis in (0, 2))
+            pos = np.stack([x, observation["block_y_m"][:, 0], z], axis=1)
+            return Waypoints(pos[:, None], np.tile(DOWN, (len(observation), 1, 1)), np.zeros((len(observation), 1)))
 
         return Follow("align", sideways, (10,), (3,), behind), super().nominal_options()[1]
 

@@ -30,13 +30,14 @@ from p2l.evaluation.video.player import NoGLError, backend
 from p2l.failures.record import load_failures, open_world
 from p2l.schema import SCHEMAS, ChainRecoveriesConfig, resolve, validate
 from p2l.tracking import RunCard, Tracker, start
-from stages import _stage, chain_recoveries, discover, evaluate_chains, watch
+from stages import _stage, chain_recoveries, cluster, discover, evaluate_chains, watch
 from stages.chain_recoveries import already
 from tests.failures import pushing
 
 ROOT = Path(__file__).resolve().parents[2]
 STAGES = {
     "discover": discover,
+    "cluster": cluster,
     "chain_recoveries": chain_recoveries,
     "evaluate_chains": evaluate_chains,
     "watch": watch,

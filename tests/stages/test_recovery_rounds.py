@@ -10,7 +10,7 @@ from p2l.errors import ConfigError
 from p2l.failures.classifier import ModeClassifier, load_modes
 from p2l.failures.record import load_failures
 from p2l.metareskill.record import load_recoveries
-from p2l.metareskill.rounds.iterate import joined
+from p2l.metareskill.rounds.iterate import join
 from p2l.preconditions.record import load_preconditions
 from stages import iterate_recoveries
 from tests.stages import recovering
@@ -89,7 +89,7 @@ def test_two_classifiers_in_one_by_hand():
     other = dataclasses.replace(
         make, centre=np.array([5.0]), spread=np.array([2.0]), means=np.array([[1.0]]), sizes=np.array([10])
     )
-    both = joined(make, other)
+    both = join(make, other)
     np.testing.assert_allclose(both.weights, [0.75, 0.25])
     np.testing.assert_allclose(both.means, [[0.0], [2.0]])
     np.testing.assert_allclose(both.covariances, [[[1.0]], [[4.0 / 9.0]]])

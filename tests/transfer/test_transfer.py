@@ -11,7 +11,7 @@ from numpy.testing import assert_array_equal
 from scipy.special import expit
 
 from p2l.errors import ArtifactError, ConfigError, ShapeError
-from p2l.evaluation.transfer.fit import calibration_table, judge, records, score_table, task_weights
+from p2l.evaluation.transfer.fit import calibration_table, held_out_predictions, records, score_table, task_weights
 from p2l.records import TransferData
 from p2l.transfer import baselines
 from p2l.transfer.calibration import auc
@@ -132,7 +132,10 @@ def test_each_member_keeps_its_best_epoch(relative):
 
 def test_correction_does_not_change_the_ranking_of_held_out_pairs(relative):
     data, _, split, found = relative
-    scores = {one.method: float(auc(one.p, one.successes, DRAWS)) for one in judge(data, found.model, split)[:4]}
+    scores = {
+        one.method: float(auc(one.p, one.successes, DRAWS))
+        for one in held_out_predictions(data, found.model, split)[:4]
+    }
     assert scores["model"] == scores["uncorrected"]
     assert scores["model"] > 0.9
     assert scores["constant"] == 0.5
@@ -189,14 +192,14 @@ def test_nearest_neighbour_by_hand():
 
 def test_tables_of_scores_and_calibration(relative):
     data, _, split, found = relative
-    judged = judge(data, found.model, split)
-    table = score_table(judged, np.random.default_rng(0))
+    predictions = held_out_predictions(data, found.model, split)
+    table = score_table(predictions, np.random.default_rng(0))
     assert len(table) == 2 * 4 * 4
     assert np.all((table["low"] <= table["mean"] + 0.05) & (table["mean"] <= table["high"] + 0.05))
     score = table.set_index(["method", "pairs", "metric"])["mean"]
     assert score["model", "new_test", "brier"] < score["constant", "new_test", "brier"]
     assert len(records(table)) == len(table)
-    curve = calibration_table(judged)
+    curve = calibration_table(predictions)
     pairs = split.held_out.sum() * len(data.train_task)
     assert np.all(curve.groupby("method")["pairs"].sum() == pairs)
     filled = curve[curve["pairs"] > 0]
@@ -205,11 +208,11 @@ def test_tables_of_scores_and_calibration(relative):
 
 def test_bootstrap_weights_draw_tasks_not_pairs(relative):
     data, _, split, found = relative
-    judged = judge(data, found.model, split)
-    new_test = next(one for one in judged if one.pairs == "new_test")
+    predictions = held_out_predictions(data, found.model, split)
+    new_test = next(one for one in predictions if one.pairs == "new_test")
     weights = task_weights(new_test, 50, np.random.default_rng(0))
-    for task in np.unique(new_test.tested):
-        columns = weights[:, new_test.tested == task]
+    for task in np.unique(new_test.test_task):
+        columns = weights[:, new_test.test_task == task]
         assert np.all(columns == columns[:, :1])
-    both = next(one for one in judged if one.pairs == "both_new")
+    both = next(one for one in predictions if one.pairs == "both_new")
     assert np.all(task_weights(both, 50, np.random.default_rng(0)).sum(axis=1) <= len(both.p) * 8)

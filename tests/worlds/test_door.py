@@ -62,14 +62,14 @@ def test_closing_on_nothing_is_flagged_once(world):
         kinds.append(kind)
     flagged = np.array(kinds) == MISSED_HANDLE
     assert_array_equal(flagged.sum(axis=0), 1)
-    assert not world.held(rows).any()
+    assert not world.in_grip(rows).any()
     rows, kind, _ = advance(world, rows, hold(world, rows, 0.0))
     assert not rows.memory.any(), "opening the fingers starts afresh"
 
 
 def test_letting_the_handle_slip_while_pulling_is_flagged(world, opened):
     rows = opened.ends.take(opened.ends.option == 0).rows
-    assert world.held(rows).all()
+    assert world.in_grip(rows).all()
     back = -grasp_pose(world.read(rows, "handle_pos"), world.read(rows, "handle_quat"), 1.0)[2]
     seen = set()
     for _ in range(14):  # the latch is still in the frame, so the hand is drawn off the lever
@@ -77,7 +77,7 @@ def test_letting_the_handle_slip_while_pulling_is_flagged(world, opened):
         rows, kind, _ = advance(world, rows, Command(command.pos + 0.03 * back, command.quat, command.grip))
         seen |= set(kind.tolist())
     assert SLIP_PULLING in seen
-    assert not world.held(rows).any()
+    assert not world.in_grip(rows).any()
 
 
 def test_pressing_hard_is_flagged_as_force():

@@ -14,7 +14,7 @@ from p2l.sim.scene import WRIST_FORCE
 from p2l.skills import chain
 from p2l.skills.primitives import PRIMITIVES
 from p2l.worlds import robosuite as robosuite_sim
-from p2l.worlds.robosuite.gains import inertia, matched
+from p2l.worlds.robosuite.gains import impedance_gains, inertia
 from p2l.worlds.table import make_world
 
 SIDE = {"x_m": [0.0, 0.02], "y_m": [-0.193, 0.193]}
@@ -175,7 +175,7 @@ def test_matched_gains_give_the_stiffness_and_the_damping(bread):
     world, _ = bread
     scene = world.scenes[0]
     qpos = world.engine.qpos(world.sample(np.random.default_rng(0), 1).states)[0]
-    gains, kept = matched(scene, qpos), scene.physics
+    gains, kept = impedance_gains(scene, qpos), scene.physics
     for axis, mass, stiffness, damping in zip(
         (0, 3),
         inertia(scene, qpos),

@@ -89,9 +89,9 @@ def test_models_differ_in_mass_and_size(cluttered):
         assert_allclose(box.inertia[2], box.mass[0] / 3 * (half[0] ** 2 + half[1] ** 2))
         assert_allclose(scene.model.geom_size[scene.model.geom_bodyid == box.id], half[None])
     assert_allclose(density, np.linspace(200, 300, 33)[1::2])
-    drawn = cluttered.drawn(3)
-    assert_allclose(drawn.geom("clutter_left_g0_vis").size[1:], cluttered.bank.clutter_half_m[3, 0])
-    mujoco.mj_forward(drawn, mujoco.MjData(drawn))
+    model = cluttered.visual_model(3)
+    assert_allclose(model.geom("clutter_left_g0_vis").size[1:], cluttered.bank.clutter_half_m[3, 0])
+    mujoco.mj_forward(model, mujoco.MjData(model))
 
 
 def test_what_is_seen_errs_in_y_and_z_only(world):
@@ -128,15 +128,15 @@ def test_a_slip_counts_from_the_lift_and_after_a_flag_from_there():
     memory = np.zeros((1, shelf_hold.MEMORY_SIZE))
     for _ in range(shelf_hold.CLOSING_STEPS - 1):
         memory = shelf_hold.hold(memory, closed, up, pose(0.1), pose(0.1))
-        assert memory[0, shelf_hold.HELD] == 0
+        assert memory[0, shelf_hold.GRASP] == 0
     memory = shelf_hold.hold(memory, closed, up, pose(0.1), pose(0.2))
     assert_allclose(np.ravel(shelf_hold.slip(pose(0.5), memory)), [0.3, 0.03])
-    memory[:, shelf_hold.FLAGGED] = 1.0
+    memory[:, shelf_hold.FLAG] = 1.0
     memory = shelf_hold.hold(memory, closed, up, pose(0.5), pose(0.6))
     assert_allclose(np.ravel(shelf_hold.slip(pose(0.6), memory)), [0.1, 0.01])
     memory = shelf_hold.hold(memory, ~closed, up, pose(0.6), pose(0.9))
     assert_array_equal(np.ravel(shelf_hold.slip(pose(0.9), memory)), [0.0, 0.0])
-    assert memory[0, shelf_hold.LIFTED] == 1
+    assert memory[0, shelf_hold.LIFT] == 1
 
 
 def test_an_exact_state_leads_onto_the_shelf(world, exact):

@@ -1,4 +1,4 @@
-"""Policies that were learnt, and are judged, in variants of a world (thesis, section 5.4.2)."""
+"""Policies trained and evaluated in variants of a world (thesis, section 5.4.2)."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from p2l.contracts.world import World
 
 
 @dataclass(frozen=True)
-class Ablated:
-    """A variant of the world with the policies, by seed, that were learnt in it.
+class AblationVariant:
+    """A variant of the world with the policies that were trained in it.
 
     Attributes:
         name: of the variant.
-        world: with the noise scaled, or the observations cut.
+        world: with scaled noise, or with fewer observations.
         nominal: its chain.
-        agents: by seed.
+        agents: by seed, then by learner.
     """
 
     name: str
@@ -30,12 +30,12 @@ class Ablated:
 
 
 def episodes_of_variant(
-    book: PolicyLedger, one: Ablated, episodes: int, progress: Callable[[int], None] | None = None
+    book: PolicyLedger, variant: AblationVariant, episodes: int, progress: Callable[[int], None] | None = None
 ) -> pd.DataFrame:
-    """Its episodes of all seeds, from records or leaving them; from the same start states as the configured world's."""
-    place = replace(book, item=f"{book.item}_{one.name}")
+    """Episodes of all seeds, from the ledger or run and recorded; with the start states of the configured world."""
+    place = replace(book, item=f"{book.item}_{variant.name}")
     parts = [
-        episodes_of_seed(place, one.world, one.nominal, seed, agents, episodes, progress)
-        for seed, agents in one.agents.items()
+        episodes_of_seed(place, variant.world, variant.nominal, seed, agents, episodes, progress)
+        for seed, agents in variant.agents.items()
     ]
     return pd.concat(parts, ignore_index=True)

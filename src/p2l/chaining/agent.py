@@ -1,4 +1,4 @@
-"""A learnt policy with what its learner wants done around it: who hands over to the nominal controllers, and when.
+"""A policy with its handover rule: when control goes back to the nominal controllers, and to which of them.
 
 Axis letters: K rows, O observation columns.
 """
@@ -26,12 +26,12 @@ from p2l.skills.primitives import GRIPS, PRIMITIVES, STEPS, Primitive
 
 Act = Callable[[Array], IntArray]
 PRECONDITIONS = "preconditions.npz"
-_KNOWN = {primitive.name: primitive for primitive in (*PRIMITIVES, *GRIPS)}
+_PRIMITIVES_BY_NAME = {primitive.name: primitive for primitive in (*PRIMITIVES, *GRIPS)}
 
 
 @dataclass(frozen=True)
 class Agent:
-    """Who acts after a failure.
+    """The robot's behaviour after a failure.
 
     Attributes:
         limits: bounds of an episode.
@@ -52,13 +52,13 @@ class Agent:
         action = self.act(observation)
         if self.preconditions is not None:
             most = min(self.limits.decisions, -(-self.limits.primitive_steps // STEPS))
-            handed = self.preconditions.met(observation) | (decision >= most)
-            action = np.where(handed, len(self.primitives) + self.preconditions.best(observation), action)
+            handover = self.preconditions.holds(observation) | (decision >= most)
+            action = np.where(handover, len(self.primitives) + self.preconditions.best(observation), action)
         return action
 
 
 def agent_of(learner: Learner, act: Act) -> Agent:
-    """The policy that is being learnt."""
+    """The agent of a policy that is still being trained."""
     return Agent(learner.limits, learner.primitives, act, learner.preconditions, learner.whole_task)
 
 
@@ -73,23 +73,23 @@ def save_agent(folder: Path, policy: Policy, learner: Learner) -> None:
 def load_agent(
     folder: Path, world: World, nominal: Sequence[Option], rows: Rows, *, transfer: bool = False
 ) -> tuple[Agent, Policy]:
-    """The agent that `save_agent` left, for this world.
+    """The agent written by `save_agent`, checked against this world.
 
     Args:
         folder: of the run.
         world: where it is to act.
         nominal: the chain there.
-        rows: any of the world, to see what is observed in it.
-        transfer: the world may have other parameters than the one the policy was learnt in.
+        rows: any of the world; their observation has the columns of the world.
+        transfer: accept a policy of a world with other parameters.
 
     Raises:
-        ArtifactError: missing, damaged, or learnt for another world, other columns or other actions.
+        ArtifactError: missing, damaged, or of another world, other columns or other actions.
     """
     policy = load_policy(folder)
     card = policy.card
-    if unknown := [name for name in card.actions if name not in _KNOWN and not name.startswith("from ")]:
+    if unknown := [name for name in card.actions if name not in _PRIMITIVES_BY_NAME and not name.startswith("from ")]:
         raise ArtifactError(f"{folder}: a policy over actions that there are no more: {', '.join(unknown)}")
-    primitives = tuple(_KNOWN[name] for name in card.actions if name in _KNOWN)
+    primitives = tuple(_PRIMITIVES_BY_NAME[name] for name in card.actions if name in _PRIMITIVES_BY_NAME)
     options = len(card.actions) > len(primitives)
     missing = [name for name in card.limits.fields if name not in world.observe(rows.take([0])).columns]
     plain = replace(card.limits, fields=()) if missing else card.limits
@@ -102,8 +102,8 @@ def load_agent(
         actions=action_names(primitives, nominal if options else ()),
         transfer=transfer,
     )
-    known = None
+    preconditions = None
     if card.preconditions:
         arrays = load_arrays(folder / PRECONDITIONS, schema="recovery_preconditions", version=1)
-        known = ControllerPreconditions.from_arrays(arrays)
-    return Agent(card.limits, primitives, policy.act, known, card.whole_task), policy
+        preconditions = ControllerPreconditions.from_arrays(arrays)
+    return Agent(card.limits, primitives, policy.act, preconditions, card.whole_task), policy

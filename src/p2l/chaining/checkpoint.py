@@ -1,4 +1,4 @@
-"""Where a killed run of learning goes on."""
+"""Checkpoints from which an interrupted training run resumes."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from p2l.errors import ArtifactError
 
 SCHEMA = "chain_checkpoint"
 FILE = "checkpoint.safetensors"
-SUMMARY = "summary.json"  # what a run leaves last
+SUMMARY = "summary.json"  # the last file that a run writes
 
 
 @dataclass
 class Progress:
-    """How far a run has come.
+    """State of a training run.
 
     Attributes:
-        control_steps: simulated for learning.
-        seconds: that took, evaluations included.
-        evaluation_seconds: of these, spent in evaluations.
-        best: success of the best evaluation.
+        control_steps: simulated in training.
+        seconds: wall time, evaluations included.
+        evaluation_seconds: wall time of the evaluations alone.
+        best: success rate of the best evaluation.
         rounds: one row per rollout.
         evaluations: one row per evaluation.
         tensors: weights and the optimiser's state.
@@ -43,32 +43,32 @@ class Progress:
 
 def save_checkpoint(folder: Path, progress: Progress, card: Card) -> None:
     """Replace the checkpoint in `folder`."""
-    told = {field.name: getattr(progress, field.name) for field in fields(progress) if field.name != "tensors"}
-    save_network(folder / FILE, progress.tensors, {"config_hash": card.config_hash, **told}, schema=SCHEMA)
+    metadata = {field.name: getattr(progress, field.name) for field in fields(progress) if field.name != "tensors"}
+    save_network(folder / FILE, progress.tensors, {"config_hash": card.config_hash, **metadata}, schema=SCHEMA)
 
 
 def load_checkpoint(folder: Path, card: Card) -> Progress | None:
     """The checkpoint in `folder`, or None if there is none.
 
     Raises:
-        ArtifactError: damaged, or left by another configuration.
+        ArtifactError: damaged, or written by another configuration.
     """
     if not (folder / FILE).is_file():
         return None
-    tensors, told = load_network(folder / FILE, schema=SCHEMA)
-    if told.pop("config_hash") != card.config_hash:
+    tensors, metadata = load_network(folder / FILE, schema=SCHEMA)
+    if metadata.pop("config_hash") != card.config_hash:
         raise ArtifactError(
             f"{folder / FILE}: left by a run with another configuration; delete it to start over, or choose another "
             "folder (hydra.run.dir=…)"
         )
-    return Progress(**told, tensors=tensors)
+    return Progress(**metadata, tensors=tensors)
 
 
-def finished(folder: Path, config_hash: str) -> bool:
-    """Whether a run of this configuration has left its policy, and no checkpoint to go on from, in `folder`.
+def is_finished(folder: Path, config_hash: str) -> bool:
+    """Whether `folder` holds the policy of a completed run of this configuration, and no checkpoint.
 
     Raises:
-        ArtifactError: a run of another configuration has, whose policy would be lost.
+        ArtifactError: it holds the policy of another configuration, which a new run would overwrite.
     """
     card, checkpoint = folder / f"{POLICY}.json", folder / FILE
     if not card.is_file() or checkpoint.is_file():
@@ -82,6 +82,6 @@ def finished(folder: Path, config_hash: str) -> bool:
 
 
 def drop_checkpoint(folder: Path) -> None:
-    """A finished run needs none."""
+    """Delete the checkpoint of a completed run."""
     for file in (folder / FILE, folder / f"{FILE}.json"):
         file.unlink(missing_ok=True)

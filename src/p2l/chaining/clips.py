@@ -1,4 +1,4 @@
-"""Executions to be looked at: a nominal failure, and what a learnt recovery does about it.
+"""Clips for videos: the nominal skills up to a failure, and a policy's recovery from it.
 
 Axis letters: T control steps.
 """
@@ -33,81 +33,83 @@ class Clip:
 
     Attributes:
         rows: [T] its moments.
-        captions: [T] what is being done.
-        actions: options or primitives that were begun, in order.
-        told: how it ended.
+        captions: [T] the option or primitive at work.
+        actions: options or primitives, in the order in which they started.
+        ending: how it ended, in words.
         done: whether the task is done.
-        flagged: whether a detector ended it.
+        flagged: whether a detector flagged a failure, which ends a nominal clip.
     """
 
     rows: Rows
     captions: tuple[str, ...]
     actions: tuple[str, ...]
-    told: str
+    ending: str
     done: bool
     flagged: bool = False
 
 
 def flagged_start(world: World, nominal: Sequence[Option], rng: np.random.Generator, most: int = 256) -> Rows:
-    """The first of up to `most` drawn starts from which a detector fires.
+    """The first of up to `most` sampled starts from which the nominal skills fail.
 
     Raises:
         ConfigError: none of them.
     """
     starts = world.sample(rng, most)
     for part in np.array_split(np.arange(most), max(most // 16, 1)):
-        flagged = nominal_part(world, nominal, starts.take(part), slots=len(part)).last.reason == Reason.FAILED
+        flagged = nominal_part(world, nominal, starts.take(part), slots=len(part)).last.reason == Reason.FAILURE
         if flagged.any():
             return starts.take(part[flagged][:1])
     raise ConfigError(f"none of {most} nominal runs of '{world.name}' was flagged: there is nothing to recover from")
 
 
 def nominal_clip(world: World, nominal: Sequence[Option], start: Rows) -> Clip:
-    """The nominal skills from `start` [1], to their end or to where a detector fires.
+    """The nominal skills from `start` [1], to their end or to a detector's flag.
 
     Raises:
         ConfigError: the simulation breaks down.
     """
-    kept: dict[int, Rows] = {0: start}
+    moments: dict[int, Rows] = {0: start}
 
     def watch(_: IntArray, step: IntArray, rows: Rows) -> None:
-        kept[int(step[0])] = rows
+        moments[int(step[0])] = rows
 
-    done = run(world, nominal, start, slots=1, watch=watch)
-    if done.diverged[0]:
+    execution = run(world, nominal, start, slots=1, watch=watch)
+    if execution.diverged[0]:
         raise ConfigError(f"the simulation of this start of '{world.name}' breaks down; choose another")
-    running = np.minimum(np.searchsorted(done.ends.step, np.arange(len(kept)), side="right"), len(done.ends) - 1)
-    captions = tuple(f"nominal: {_plain(nominal[int(option)].name)}" for option in done.ends.option[running])
-    failed = int(done.last.reason[0]) == Reason.FAILED
-    told = "task done" if done.success[0] else "ended without success"
-    if failed:
-        seconds = float(done.last.step[0]) * world.engine.control_period_s
-        kind = _plain(world.failure_kinds[int(done.last.kind[0])])
-        told = f"failure: {kind} in {_plain(nominal[int(done.last.option[0])].name)} after {seconds:.1f} s"
-    names = tuple(nominal[option].name for option in done.ends.option.tolist())
-    return Clip(Rows.join(list(kept.values())), captions, names, told, bool(done.success[0]), failed)
+    running = np.minimum(
+        np.searchsorted(execution.ends.step, np.arange(len(moments)), side="right"), len(execution.ends) - 1
+    )
+    captions = tuple(f"nominal: {_plain(nominal[int(option)].name)}" for option in execution.ends.option[running])
+    flagged = int(execution.last.reason[0]) == Reason.FAILURE
+    ending = "task done" if execution.success[0] else "ended without success"
+    if flagged:
+        seconds = float(execution.last.step[0]) * world.engine.control_period_s
+        kind = _plain(world.failure_kinds[int(execution.last.kind[0])])
+        ending = f"failure: {kind} in {_plain(nominal[int(execution.last.option[0])].name)} after {seconds:.1f} s"
+    names = tuple(nominal[option].name for option in execution.ends.option.tolist())
+    return Clip(Rows.join(list(moments.values())), captions, names, ending, bool(execution.success[0]), flagged)
 
 
 def recovery_clip(world: World, nominal: Sequence[Option], agent: Agent, start: Rows) -> Clip:
     """The agent from `start` [1], to the end of its episode."""
-    kept, begun = [start], []
+    moments, decision_starts = [start], []
 
     def act(observation: Array) -> IntArray:
-        begun.append(len(kept))
+        decision_starts.append(len(moments))
         return agent.act(observation)
 
-    found = recover(world, nominal, replace(agent, act=act), start, lambda _, rows: kept.append(rows))
+    recovery = recover(world, nominal, replace(agent, act=act), start, lambda _, rows: moments.append(rows))
     own = tuple(primitive.name for primitive in agent.primitives)
-    names = [(*own, *action_names((), nominal))[action] for action in found.actions[0].tolist() if action >= 0]
-    decision = np.searchsorted(begun, np.arange(1, len(kept)), side="right")
+    names = [(*own, *action_names((), nominal))[action] for action in recovery.actions[0].tolist() if action >= 0]
+    decision = np.searchsorted(decision_starts, np.arange(1, len(moments)), side="right")
     captions = [f"recovery {number}: {_plain(names[number - 1])}" for number in decision.tolist()]
-    told = "recovered: task done" if found.success[0] else "not recovered"
-    return Clip(Rows.join(kept), (captions[0], *captions), tuple(names), told, bool(found.success[0]))
+    ending = "recovered: task done" if recovery.success[0] else "not recovered"
+    return Clip(Rows.join(moments), (captions[0], *captions), tuple(names), ending, bool(recovery.success[0]))
 
 
 @dataclass(frozen=True)
 class PolicyClips:
-    """A failure and what a policy does about it; `whole_task`: the policy acts from the start, not from the failure."""
+    """A failure and a policy's recovery; `whole_task`: the policy acts from the start, not from the failure."""
 
     failure: Clip
     recovery: Clip
@@ -115,17 +117,23 @@ class PolicyClips:
 
 
 def policy_clips(
-    world: World, folder: Path, recorded: Failures | None, path: Path, rng: np.random.Generator, *, transfer: bool
+    world: World,
+    folder: Path,
+    recorded_failure: Failures | None,
+    path: Path,
+    rng: np.random.Generator,
+    *,
+    transfer: bool,
 ) -> PolicyClips:
-    """A failure, and what the policy in `folder` does about it.
+    """A failure, and the recovery by the policy in `folder`.
 
     Args:
         world: where.
         folder: of the policy.
-        recorded: one failure; None: the first that nominal runs meet.
-        path: where it lies, for messages.
+        recorded_failure: one failure; None: the first that occurs in nominal runs.
+        path: file of the failure, for messages.
         rng: of the nominal runs' starts.
-        transfer: the world may have other parameters than the one the policy was learnt in.
+        transfer: accept a policy of a world with other parameters.
 
     Raises:
         ArtifactError: a policy or a failure of another world.
@@ -133,11 +141,11 @@ def policy_clips(
     """
     nominal, some = world.nominal_options(), world.sample(rng, 1)
     agent, _ = load_agent(folder, world, nominal, some, transfer=transfer)  # refuses before anything is simulated
-    if recorded is None:
+    if recorded_failure is None:
         start = flagged_start(world, nominal, rng)
     else:
-        check_world(recorded, world, path)
-        start = recorded.start
+        check_world(recorded_failure, world, path)
+        start = recorded_failure.start
     failure = nominal_clip(world, nominal, start)
     if not failure.flagged:
         raise ConfigError(f"{path}: no detector fires on the way to this failure; a recovery has nothing to take over")
@@ -148,14 +156,14 @@ def policy_clips(
 def novel_clips(
     world: World, nominal: Sequence[Option], agents: Mapping[int, Agents], episodes: pd.DataFrame, novel: Novel
 ) -> tuple[Clip, Clip]:
-    """The failure before a novel reuse of an option, and the recovery that reused it.
+    """The failure before a novel reuse of an option, and the recovery that reuses it.
 
     Args:
         world: where.
         nominal: the chain.
         agents: by seed and learner.
-        episodes: of `episodes.episodes_of_seed`, in which the failures are.
-        novel: which.
+        episodes: rows of `episodes.episodes_of_seed`; `novel` counts their failures.
+        novel: the reuse to show.
     """
     mine = episodes[(episodes["learner"] == novel.learner) & (episodes["seed"] == novel.seed)]
     starts = start_states(world, novel.seed, len(mine))

@@ -1,7 +1,7 @@
-"""Policies, unchanged, where they were not learnt: another arm, another object, another simulator (thesis, table 5.2).
+"""Zero-shot transfer of policies to another arm, another object, another simulator (thesis, table 5.2).
 
 Failures are induced as in section 5.4.5: the nominal skills run until a detector has fired often enough; from each of
-those moments the policy acts, and what counts is how often the task is done then.
+those moments the policy acts, and the rate of successful recoveries counts.
 
 Axis letters: F failures.
 """
@@ -30,18 +30,18 @@ VERSION = 2  # raise it when an edit of the code changes episodes: committed rec
 MIRROR_VERSION = 2  # the same for robosuite's environments alone
 AT_ONCE = 64
 ROBOSUITE = "robosuite"
-MOST = 20  # executions for each failure that is wanted: nominal skills that hardly ever fail end the search
+MOST = 20  # executions for each failure to induce: where nominal skills hardly ever fail the search ends
 
 
 @dataclass(frozen=True)
 class Variant:
-    """A world that policies were not learnt in.
+    """A world to transfer policies to.
 
     Attributes:
         name: for tables and records.
-        world: with the columns and actions of the one they were learnt in.
-        failures: F wanted.
-        at_once: rows that the world can hold.
+        world: with the columns and actions of the one in which they were trained.
+        failures: F to induce.
+        at_once: rows that the world can simulate.
     """
 
     name: str
@@ -74,59 +74,59 @@ def robosuite_variant(world: World, failures: int, stack: ExitStack) -> Variant:
 
 def transfer_of_seed(
     book: PolicyLedger,
-    moved: Sequence[tuple[Variant, Agents]],
+    variant_agents: Sequence[tuple[Variant, Agents]],
     seed: int,
     progress: Callable[[int], None] | None = None,
 ) -> pd.DataFrame:
-    """Induced failures of every variant, recovered by every learner's policy; from records, or leaving them.
+    """Recovery counts of every variant and learner, looked up in the ledger or run and recorded.
 
     Args:
         book: the ledger.
-        moved: the variants, each with the policies, by learner, that were let in there.
+        variant_agents: the variants, each with the agents that act there, by learner.
         seed: of the start states, and of the policies.
-        progress: told 1 after each policy.
+        progress: called with 1 after each policy.
 
     Returns:
         `variant, learner, seed, failures, recovered, executions`, a row per variant and learner.
     """
     columns = ["variant", "learner", "seed", "failures", "recovered", "executions"]
     rows = []
-    for variant, agents in moved:
+    for variant, agents in variant_agents:
         for learner, (agent, policy) in agents.items():
             world, names = variant.world, [option.name for option in variant.nominal]
             decisive = [VERSION, variant.name, world.digest, world.estimator.mode, variant.failures, names]
             decisive += [MIRROR_VERSION] if variant.name == ROBOSUITE else []
             item = book.entry(f"{learner}_to_{variant.name}", seed, agent, policy, *decisive)
-            if (known := find(book.records, item)) is None:
-                begun = time.perf_counter()
-                known = induced(variant, agent, seed)
-                write(book.records, item, known, seconds=time.perf_counter() - begun)
-            told = {name: int(known[name]) for name in ("failures", "recovered", "executions")}
-            rows.append({"variant": variant.name, "learner": learner, "seed": seed, **told})
+            if (record := find(book.records, item)) is None:
+                start_s = time.perf_counter()
+                record = recovery_counts(variant, agent, seed)
+                write(book.records, item, record, seconds=time.perf_counter() - start_s)
+            counts = {name: int(record[name]) for name in ("failures", "recovered", "executions")}
+            rows.append({"variant": variant.name, "learner": learner, "seed": seed, **counts})
             if progress is not None:
                 progress(1)
     return pd.DataFrame(rows, columns=columns)
 
 
-def induced(variant: Variant, agent: Agent, seed: int) -> dict[str, Any]:
-    """Run the nominal skills until they have failed often enough, and let the agent recover from every failure.
+def recovery_counts(variant: Variant, agent: Agent, seed: int) -> dict[str, Any]:
+    """Run the nominal skills until they have failed often enough, and count the failures that the agent recovers from.
 
     Args:
         variant: where.
-        agent: who.
-        seed: of the start states; every agent meets the same failures.
+        agent: recovers from the failures.
+        seed: of the start states; the failures are the same for every agent.
     """
-    world, wanted = variant.world, variant.failures
+    world, target = variant.world, variant.failures
     rng = generator(seed, "evaluate_chains", world.name, "transfer", variant.name)
     outcomes: list[bool] = []
     executions = 0
-    while len(outcomes) < wanted and executions < MOST * wanted:
+    while len(outcomes) < target and executions < MOST * target:
         starts = world.sample(rng, variant.at_once)
         plain = nominal_part(world, variant.nominal, starts, slots=variant.at_once)
         executions += len(starts)
-        flagged = plain.last.reason == Reason.FAILED
+        flagged = plain.last.reason == Reason.FAILURE
         if flagged.any():
-            found = recover(world, variant.nominal, agent, plain.last.rows.take(flagged))
-            outcomes += found.success.tolist()
-    taken = outcomes[:wanted]
-    return {"failures": len(taken), "recovered": sum(taken), "executions": executions}
+            recoveries = recover(world, variant.nominal, agent, plain.last.rows.take(flagged))
+            outcomes += recoveries.success.tolist()
+    attempts = outcomes[:target]
+    return {"failures": len(attempts), "recovered": sum(attempts), "executions": executions}

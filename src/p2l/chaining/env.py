@@ -1,10 +1,10 @@
 """The RecoveryChaining MDP as gymnasium and stable-baselines3 know environments, for users of other learners.
 
 `RecoveryEnv` is one episode at a time. A `step` of `RecoveryVectorEnv` and of `RecoveryVecEnv` is synchronous by
-contract: it lasts until every row's action has played out. With `send` and `recv`, the names that EnvPool gave them,
+contract: it lasts until every row's action has ended. With `send` and `recv`, the names that EnvPool gave them,
 rows of the former do not wait for each other; neither do they in `ppo`, which asks the pool itself.
 
-1. A bound on an episode's length is told as truncation, as both libraries have it; `ppo` takes it for the end.
+1. A bound on an episode's length is a truncation, as in both libraries; for `ppo` it is a termination.
 
 Axis letters: B rows, O observation columns.
 """
@@ -26,17 +26,17 @@ from p2l.chaining.pool import Pool
 from p2l.contracts.rows import Rows
 from p2l.records import Array
 
-Seen = npt.NDArray[np.float32]
+Obs = npt.NDArray[np.float32]
 MakePool = Callable[[Starts, int], Pool]
 
 
 def spaces(pool: Pool) -> tuple[gymnasium.Space[Any], gymnasium.Space[Any]]:
-    """What a policy of the pool sees and may do."""
+    """Observation space and action space of the pool."""
     bound = np.full(len(pool.columns), np.inf, dtype=np.float32)
     return gymnasium.spaces.Box(-bound, bound), gymnasium.spaces.Discrete(len(pool.actions))
 
 
-class RecoveryEnv(gymnasium.Env[Seen, int]):
+class RecoveryEnv(gymnasium.Env[Obs, int]):
     """One recovery episode at a time.
 
     Args:
@@ -48,31 +48,37 @@ class RecoveryEnv(gymnasium.Env[Seen, int]):
         self._pool = make(lambda n: failures.take(self.np_random.integers(len(failures), size=n)), 1)
         self.observation_space, self.action_space = spaces(self._pool)
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Seen, dict[str, Any]]:
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Obs, dict[str, Any]]:
         """A failure drawn by `seed`."""
         super().reset(seed=seed, options=options)
         self._pool.reset()
         return self._pool.observation[0].astype(np.float32), {}
 
-    def step(self, action: int) -> tuple[Seen, float, bool, bool, dict[str, Any]]:
-        """Play one action out; `info` has its control steps and whether the task is done."""
-        told = _play(self._pool, np.array([action]))
-        cut = bool(told.cut[0])
-        info = {"control_steps": int(told.steps[0]), "is_success": bool(told.done[0])}
-        return told.observation[0].astype(np.float32), float(told.reward[0]), bool(told.over[0]) and not cut, cut, info
+    def step(self, action: int) -> tuple[Obs, float, bool, bool, dict[str, Any]]:
+        """Execute one action to its end; `info` has its control steps and whether the task is done."""
+        transitions = _play(self._pool, np.array([action]))
+        cut = bool(transitions.cut[0])
+        info = {"control_steps": int(transitions.steps[0]), "is_success": bool(transitions.done[0])}
+        return (
+            transitions.observation[0].astype(np.float32),
+            float(transitions.reward[0]),
+            bool(transitions.over[0]) and not cut,
+            cut,
+            info,
+        )
 
 
-class RecoveryVectorEnv(VectorEnv[Seen, npt.NDArray[np.int64], npt.NDArray[Any]]):
+class RecoveryVectorEnv(VectorEnv[Obs, npt.NDArray[np.int64], npt.NDArray[Any]]):
     """B episodes; one that ends starts over at once, its last observation in `final_obs`.
 
-    All rows act together in `step`. Without waiting: `send` actions to rows that are not busy, and `recv` those whose
-    action has played out, `info["env_id"]` says which:
+    All rows act together in `step`. Without waiting: `send` actions to rows that are not busy, and `recv` the
+    transitions of those whose action has ended, `info["env_id"]` says which:
 
-        seen, _ = env.reset(seed=0)
-        env.send(policy(seen), np.arange(env.num_envs))
+        obs, _ = env.reset(seed=0)
+        env.send(policy(obs), np.arange(env.num_envs))
         while training:
-            seen, reward, ended, cut, info = env.recv()
-            env.send(policy(seen), info["env_id"])
+            obs, reward, terminated, truncated, info = env.recv()
+            env.send(policy(obs), info["env_id"])
 
     Args:
         make: a pool from its starts and its number of slots.
@@ -91,7 +97,7 @@ class RecoveryVectorEnv(VectorEnv[Seen, npt.NDArray[np.int64], npt.NDArray[Any]]
         self.observation_space = batch_space(self.single_observation_space, rows)
         self.action_space = batch_space(self.single_action_space, rows)
 
-    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Seen, dict[str, Any]]:
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Obs, dict[str, Any]]:
         """Failures drawn by `seed`."""
         super().reset(seed=seed, options=options)
         self._pool.reset()
@@ -99,8 +105,8 @@ class RecoveryVectorEnv(VectorEnv[Seen, npt.NDArray[np.int64], npt.NDArray[Any]]
 
     def step(
         self, actions: npt.NDArray[np.int64]
-    ) -> tuple[Seen, Array, npt.NDArray[np.bool_], npt.NDArray[np.bool_], dict[str, Any]]:
-        """Play one action out in every row.
+    ) -> tuple[Obs, Array, npt.NDArray[np.bool_], npt.NDArray[np.bool_], dict[str, Any]]:
+        """Execute one action in every row, to its end.
 
         Raises:
             ConfigError: a row is busy, or there is no such action.
@@ -115,8 +121,8 @@ class RecoveryVectorEnv(VectorEnv[Seen, npt.NDArray[np.int64], npt.NDArray[Any]]
         """
         self._pool.act(np.asarray(env_id), np.asarray(actions, dtype=np.int64))
 
-    def recv(self) -> tuple[Seen, Array, npt.NDArray[np.bool_], npt.NDArray[np.bool_], dict[str, Any]]:
-        """The rows, at least one, whose action plays out first; all arrays are theirs [K].
+    def recv(self) -> tuple[Obs, Array, npt.NDArray[np.bool_], npt.NDArray[np.bool_], dict[str, Any]]:
+        """Transitions [K] of the rows, at least one, whose action ends first.
 
         Raises:
             ConfigError: no row is busy.
@@ -124,15 +130,27 @@ class RecoveryVectorEnv(VectorEnv[Seen, npt.NDArray[np.int64], npt.NDArray[Any]]
         return _answer(self._pool.poll())
 
 
-def _answer(told: Transitions) -> tuple[Seen, Array, npt.NDArray[np.bool_], npt.NDArray[np.bool_], dict[str, Any]]:
-    """What has played out, as gymnasium tells it."""
-    info: dict[str, Any] = {"env_id": told.slot, "control_steps": told.steps, "is_success": told.done}
-    if told.over.any():
-        last = np.empty(len(told.slot), dtype=object)
-        for row in np.flatnonzero(told.over):
-            last[row] = told.observation[row].astype(np.float32)
-        info |= {"final_obs": last, "_final_obs": told.over}
-    return told.next_observation.astype(np.float32), told.reward, told.over & ~told.cut, told.cut, info
+def _answer(
+    transitions: Transitions,
+) -> tuple[Obs, Array, npt.NDArray[np.bool_], npt.NDArray[np.bool_], dict[str, Any]]:
+    """Transitions in the form of gymnasium's `step`."""
+    info: dict[str, Any] = {
+        "env_id": transitions.slot,
+        "control_steps": transitions.steps,
+        "is_success": transitions.done,
+    }
+    if transitions.over.any():
+        last = np.empty(len(transitions.slot), dtype=object)
+        for row in np.flatnonzero(transitions.over):
+            last[row] = transitions.observation[row].astype(np.float32)
+        info |= {"final_obs": last, "_final_obs": transitions.over}
+    return (
+        transitions.next_observation.astype(np.float32),
+        transitions.reward,
+        transitions.over & ~transitions.cut,
+        transitions.cut,
+        info,
+    )
 
 
 class RecoveryVecEnv(VecEnv):
@@ -147,7 +165,7 @@ class RecoveryVecEnv(VecEnv):
         self._actions = np.zeros(len(pool), dtype=np.int64)
         super().__init__(len(pool), *spaces(pool))
 
-    def reset(self) -> Seen:
+    def reset(self) -> Obs:
         """A new episode in every row."""
         self._pool.reset()
         return self._pool.observation.astype(np.float32)
@@ -156,21 +174,27 @@ class RecoveryVecEnv(VecEnv):
         """Remember the actions."""
         self._actions = np.asarray(actions, dtype=np.int64)
 
-    def step_wait(self) -> tuple[Seen, npt.NDArray[np.float32], npt.NDArray[np.bool_], list[dict[str, Any]]]:
-        """Play them out."""
-        told = _play(self._pool, self._actions)
+    def step_wait(self) -> tuple[Obs, npt.NDArray[np.float32], npt.NDArray[np.bool_], list[dict[str, Any]]]:
+        """Execute them to their ends."""
+        transitions = _play(self._pool, self._actions)
         infos: list[dict[str, Any]] = [
-            {"control_steps": steps, "is_success": done} for steps, done in zip(told.steps, told.done, strict=True)
+            {"control_steps": steps, "is_success": done}
+            for steps, done in zip(transitions.steps, transitions.done, strict=True)
         ]
-        for row in np.flatnonzero(told.over):
+        for row in np.flatnonzero(transitions.over):
             infos[row] |= {
-                "terminal_observation": told.observation[row].astype(np.float32),
-                "TimeLimit.truncated": bool(told.cut[row]),
+                "terminal_observation": transitions.observation[row].astype(np.float32),
+                "TimeLimit.truncated": bool(transitions.cut[row]),
             }
-        return told.next_observation.astype(np.float32), told.reward.astype(np.float32), told.over, infos
+        return (
+            transitions.next_observation.astype(np.float32),
+            transitions.reward.astype(np.float32),
+            transitions.over,
+            infos,
+        )
 
     def close(self) -> None:
-        """Nothing is held."""
+        """There is nothing to close."""
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
         """Rows have no attributes of their own."""
@@ -198,10 +222,11 @@ def _play(pool: Pool, actions: npt.NDArray[np.int64]) -> Transitions:
     parts: list[Transitions] = []
     while sum(len(part.slot) for part in parts) < len(pool):
         parts.append(pool.poll())
-    return _ordered(parts)
+    return _by_slot(parts)
 
 
-def _ordered(parts: Sequence[Transitions]) -> Transitions:
+def _by_slot(parts: Sequence[Transitions]) -> Transitions:
+    """One batch of transitions, ordered by slot."""
     order = np.argsort(np.concatenate([part.slot for part in parts]))
     names = Transitions.__dataclass_fields__
     return Transitions(**{name: np.concatenate([getattr(part, name) for part in parts])[order] for name in names})

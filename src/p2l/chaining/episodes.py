@@ -1,8 +1,8 @@
-"""Episodes of the whole robot, one row each, (thesis, table 5.1).
+"""Episodes of the whole robot, one row each (thesis, table 5.1).
 
 A learner's episodes of one seed are an item of the ledger (`p2l.ledger`), so that tables can be built on a machine that
-ran none of them. Seeds of start states have a path of their own: learning never met them. All learners of a seed meet
-the same start states, the same nominal runs and so the same failures.
+ran none of them. Start states are drawn by seeds of their own, so that none occurs in training. All learners of a seed
+have the same start states, the same nominal runs and so the same failures.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ Agents = Mapping[str, tuple[Agent, Policy]]
 
 @dataclass(frozen=True)
 class PolicyLedger:
-    """Where items are looked up, and what they are functions of besides the policy.
+    """The ledger of policies, and what its items depend on besides the policy.
 
     Attributes:
         records: folder of the ledger.
@@ -51,7 +51,7 @@ class PolicyLedger:
     slots: int
 
     def entry(self, method: str, seed: int, agent: Agent, policy: Policy, *rest: Any) -> Item:
-        """The item of a policy, what it hands over by included; `rest` is all else that decides it."""
+        """The item of a policy, its preconditions included; `rest` is all else that determines the item."""
         handing = {} if agent.preconditions is None else agent.preconditions.arrays()
         plain = {name: values.tolist() for name, values in handing.items()}
         decisive = [VERSION, self.code, seed, policy_hash(policy), plain, *rest]
@@ -67,34 +67,34 @@ def load_agents(
     *,
     transfer: bool = False,
 ) -> Agents:
-    """The policies of a seed, let into a world.
+    """Agents with the policies of a seed, checked against a world.
 
     Args:
         folder: of `chain_recoveries`, with policies/<learner>/s<seed>, or one run's own.
-        learners: whose.
-        seed: that they were learnt with.
+        learners: whose policies.
+        seed: of their training.
         world: where they are to act.
         nominal: the chain there.
-        transfer: the world may have other parameters than the one they were learnt in.
+        transfer: accept policies of a world with other parameters.
 
     Raises:
-        ArtifactError: missing, damaged, of another learner or seed, or learnt for another world, other columns or other
+        ArtifactError: missing, damaged, of another learner or seed, or of another world, other columns or other
             actions.
     """
     some = world.sample(generator(seed, "evaluate_chains", world.name, "columns"), 1)
-    found: dict[str, tuple[Agent, Policy]] = {}
+    agents: dict[str, tuple[Agent, Policy]] = {}
     for name in learners:
         place = folder / "policies" / name / f"s{seed}"
         if not place.exists() and (folder / FILE).is_file():
             place = folder
-        found[name] = load_agent(place, world, nominal, some, transfer=transfer)
-        card = found[name][1].card
+        agents[name] = load_agent(place, world, nominal, some, transfer=transfer)
+        card = agents[name][1].card
         if (card.learner, card.seed) != (name, seed):
             raise ArtifactError(
                 f"{place}: the policy of {card.learner}, seed {card.seed}, not of {name}, seed {seed}; say "
                 f"learners=[{card.learner}] seeds=[{card.seed}]"
             )
-    return found
+    return agents
 
 
 def episodes_of_seed(
@@ -106,9 +106,9 @@ def episodes_of_seed(
     episodes: int,
     progress: Callable[[int], None] | None = None,
 ) -> pd.DataFrame:
-    """Every learner's episodes, from records or by running them, which leaves records.
+    """Every learner's episodes, looked up in the ledger or run and recorded.
 
-    Rows are those of `episode_rows`; `whole_task` tells of those that start where the task does, and take nothing over.
+    Rows are those of `episode_rows`; `whole_task`: the policy acts from the start of the task, not from a failure.
 
     Args:
         book: the ledger.
@@ -117,7 +117,7 @@ def episodes_of_seed(
         seed: of the start states, and of the policies.
         agents: by learner.
         episodes: for each.
-        progress: told 1 after each learner.
+        progress: called with 1 after each learner.
     """
     plain: tuple[Rows, Execution] | None = None
     tables = []
@@ -125,14 +125,14 @@ def episodes_of_seed(
         names = [option.name for option in nominal]
         decisive = [world.digest, world.estimator.mode, episodes, names]
         item = book.entry(f"{learner}_episodes", seed, agent, policy, *decisive)
-        if (known := find(book.records, item)) is None:
+        if (record := find(book.records, item)) is None:
             if plain is None:
                 plain = nominal_episodes(book, world, nominal, seed, episodes)
-            begun = time.perf_counter()
+            start_s = time.perf_counter()
             rows = episode_rows(overall(world, nominal, agent, *plain), policy.card, nominal)
-            known = {"episodes": _columns(rows)}
-            write(book.records, item, known, seconds=time.perf_counter() - begun)
-        tables.append(_table(known["episodes"]).assign(learner=learner, seed=seed, whole_task=agent.whole_task))
+            record = {"episodes": _columns(rows)}
+            write(book.records, item, record, seconds=time.perf_counter() - start_s)
+        tables.append(_table(record["episodes"]).assign(learner=learner, seed=seed, whole_task=agent.whole_task))
         if progress is not None:
             progress(1)
     table = pd.concat(tables, ignore_index=True)
@@ -143,19 +143,19 @@ def episodes_of_seed(
 def nominal_episodes(
     book: PolicyLedger, world: World, nominal: Sequence[Option], seed: int, episodes: int
 ) -> tuple[Rows, Execution]:
-    """The start states of a seed's episodes, and what the nominal chain does from them; the same for every learner."""
+    """Start states of a seed's episodes, and the nominal chain's execution from them; the same for every learner."""
     starts = start_states(world, seed, episodes)
     return starts, nominal_part(world, nominal, starts, slots=book.slots)
 
 
 def start_states(world: World, seed: int, episodes: int) -> Rows:
-    """[episodes] where a seed's episodes start."""
+    """Start states [episodes] of a seed."""
     return world.sample(generator(seed, "evaluate_chains", world.name, "starts"), episodes)
 
 
 def _columns(rows: pd.DataFrame) -> dict[str, list[Any]]:
-    kept = rows.drop(columns=["learner", "seed", "episode"])
-    return {str(name): (column.astype(int) if name in FLAGS else column).tolist() for name, column in kept.items()}
+    table = rows.drop(columns=["learner", "seed", "episode"])
+    return {str(name): (column.astype(int) if name in FLAGS else column).tolist() for name, column in table.items()}
 
 
 def _table(columns: Mapping[str, list[Any]]) -> pd.DataFrame:
@@ -164,7 +164,7 @@ def _table(columns: Mapping[str, list[Any]]) -> pd.DataFrame:
     return table
 
 
-def episode_rows(found: Overall, card: Card, nominal: Sequence[Option]) -> pd.DataFrame:
+def episode_rows(results: Overall, card: Card, nominal: Sequence[Option]) -> pd.DataFrame:
     """One row per episode.
 
     Returns:
@@ -173,12 +173,12 @@ def episode_rows(found: Overall, card: Card, nominal: Sequence[Option]) -> pd.Da
     """
     own = tuple(name for name in card.actions if not name.startswith("from "))
     names = (*own, *action_names((), nominal))
-    count = len(found.success)
+    count = len(results.success)
     steps, actions = np.zeros(count, dtype=np.int64), np.full(count, "", dtype=object)
-    steps[found.flagged] = found.recovered.steps
-    actions[found.flagged] = [
-        ";".join(names[action] for action in row if action >= 0) for row in found.recovered.actions.tolist()
+    steps[results.flagged] = results.recoveries.steps
+    actions[results.flagged] = [
+        ";".join(names[action] for action in row if action >= 0) for row in results.recoveries.actions.tolist()
     ]
-    told = {name: getattr(found, name) for name in ("nominal", "flagged", "success", "diverged")}
-    rows = pd.DataFrame({"episode": np.arange(count), **told, "steps": steps, "actions": actions.astype(str)})
+    flags = {name: getattr(results, name) for name in ("nominal", "flagged", "success", "diverged")}
+    rows = pd.DataFrame({"episode": np.arange(count), **flags, "steps": steps, "actions": actions.astype(str)})
     return rows.assign(learner=card.learner, seed=card.seed)[["learner", "seed", *rows.columns]]

@@ -1,6 +1,6 @@
-"""All that is run to judge policies in one world: whole episodes, transfers, reuse and variants of the world.
+"""Evaluation of policies in one world: whole episodes, transfers, reuse and variants of the world.
 
-Everything goes through the ledger, so that tables can be built where nothing was run. What is refused is refused before
+Everything goes through the ledger, so that tables can be built where nothing was run. Invalid input is refused before
 anything is run.
 """
 
@@ -15,7 +15,7 @@ from typing import Any
 
 import pandas as pd
 
-from p2l.chaining.ablation import Ablated, episodes_of_variant
+from p2l.chaining.ablation import AblationVariant, episodes_of_variant
 from p2l.chaining.elsewhere import Variant, robosuite_variant, transfer_of_seed, variants
 from p2l.chaining.episodes import Agents, PolicyLedger, episodes_of_seed, load_agents
 from p2l.chaining.novelty import NominalStates
@@ -27,12 +27,12 @@ from p2l.worlds.table import make_world
 
 @dataclass(frozen=True)
 class Transfers:
-    """Table 5.2: policies, unchanged, in worlds that they were not learnt in.
+    """Table 5.2: policies, unchanged, in worlds other than that of their training.
 
     Attributes:
         learners: whose policies.
-        failures: to induce for each policy and variant; none: left out.
-        robosuite_failures: to induce in robosuite's own environment.
+        failures: to induce for each policy and variant; 0: no transfer.
+        robosuite_failures: to induce in robosuite's own environment; 0: no transfer there.
         variants: by name, the world's parameters that differ.
     """
 
@@ -44,7 +44,7 @@ class Transfers:
 
 @dataclass(frozen=True)
 class Reuse:
-    """Figure 5.9: `learners`, whose policies; `nominal_runs` of the nominal skills, to know where they are."""
+    """Figure 5.9: policies of `learners`; `nominal_runs` of the nominal skills, which give the nominal states."""
 
     learners: Sequence[str]
     nominal_runs: int
@@ -60,21 +60,21 @@ class Ablation:
 
 @dataclass(frozen=True)
 class Subject:
-    """Whose policies are judged, and where.
+    """The policies to evaluate, and their world.
 
     Attributes:
         world: name or target.
         params: of the world.
-        learnt: folder of `chain_recoveries`.
-        learners: in it.
-        seeds: in it.
-        episodes: for each.
-        seed: of what all policies share.
+        folder: of `chain_recoveries`.
+        learners: whose policies, in `folder`.
+        seeds: of the policies, in `folder`.
+        episodes: of each policy.
+        seed: of the random draws that all policies share.
     """
 
     world: str
     params: Mapping[str, Any]
-    learnt: Path
+    folder: Path
     learners: Sequence[str]
     seeds: Sequence[int]
     episodes: int
@@ -83,7 +83,7 @@ class Subject:
 
 @dataclass(frozen=True)
 class ChainResults:
-    """What was run.
+    """Results of an evaluation.
 
     Attributes:
         world: where.
@@ -103,7 +103,7 @@ class ChainResults:
 
 
 def open_policies(subject: Subject) -> tuple[World, dict[int, Agents]]:
-    """The world, and by seed the policies that were learnt in it.
+    """The world, and the agents with the policies trained in it, by seed.
 
     Raises:
         ArtifactError: a policy is missing, damaged, or of another world.
@@ -111,7 +111,7 @@ def open_policies(subject: Subject) -> tuple[World, dict[int, Agents]]:
     """
     world = make_world(subject.world, subject.params)
     nominal = world.nominal_options()
-    return world, {seed: load_agents(subject.learnt, subject.learners, seed, world, nominal) for seed in subject.seeds}
+    return world, {seed: load_agents(subject.folder, subject.learners, seed, world, nominal) for seed in subject.seeds}
 
 
 def evaluate(
@@ -124,17 +124,17 @@ def evaluate(
     ablation: Ablation,
     counter: Callable[[int], Callable[[int], None]],
 ) -> ChainResults:
-    """Run or look up every item.
+    """Results of every item, looked up in the ledger or run and recorded.
 
     Args:
         book: the ledger.
-        subject: who and where.
+        subject: the policies and their world.
         world: of `open_policies`.
         agents: of `open_policies`.
-        transfers: see there.
-        reuse: see there.
-        ablation: see there.
-        counter: given how many policies there are to judge, what is told 1 after each.
+        transfers: settings of table 5.2.
+        reuse: settings of figure 5.9.
+        ablation: settings of section 5.4.2.
+        counter: makes a progress counter for so many policies, which is called with 1 after each.
 
     Raises:
         ArtifactError: a policy is missing, damaged, or of another world.
@@ -147,45 +147,57 @@ def evaluate(
         rng = generator(subject.seed, "evaluate_chains", world.name, "nominal_runs")
         return nominal_sets(world, nominal, world.sample(rng, reuse.nominal_runs))
 
-    movers = [learner for learner in transfers.learners if learner in subject.learners]
-    episodes, moves, starts = [], [], []
+    transfer_learners = [learner for learner in transfers.learners if learner in subject.learners]
+    episode_parts, transfer_parts, reuse_parts = [], [], []
     with ExitStack() as stack:
-        ablated, places = _ablated(subject, ablation), _places(subject, world, transfers, stack)
-        moved = {
+        ablation_variants, transfer_variants = (
+            _ablation_variants(subject, ablation),
+            _transfer_variants(subject, world, transfers, stack),
+        )
+        variant_agents = {
             seed: [
-                (one, load_agents(subject.learnt, movers, seed, one.world, one.nominal, transfer=True))
-                for one in places
+                (one, load_agents(subject.folder, transfer_learners, seed, one.world, one.nominal, transfer=True))
+                for one in transfer_variants
             ]
             for seed in subject.seeds
         }
-        show = counter(len(subject.seeds) * (len(subject.learners) + len(places) * len(movers) + len(ablated)))
+        show = counter(
+            len(subject.seeds)
+            * (len(subject.learners) + len(transfer_variants) * len(transfer_learners) + len(ablation_variants))
+        )
         for seed in subject.seeds:
-            episodes.append(episodes_of_seed(book, world, nominal, seed, agents[seed], subject.episodes, show))
-            moves.append(transfer_of_seed(book, moved[seed], seed, show))
-            again = {name: agents[seed][name] for name in subject.learners if name in reuse.learners}
+            episode_parts.append(episodes_of_seed(book, world, nominal, seed, agents[seed], subject.episodes, show))
+            transfer_parts.append(transfer_of_seed(book, variant_agents[seed], seed, show))
+            reuse_agents = {name: agents[seed][name] for name in subject.learners if name in reuse.learners}
             key = (subject.seed, reuse.nominal_runs)
-            starts.append(reuse_of_seed(book, world, nominal, seed, again, subject.episodes, nominal_states, key))
-        variant_episodes = {one.name: episodes_of_variant(book, one, subject.episodes, show) for one in ablated}
-    whole, transferred, reused = (pd.concat(parts, ignore_index=True) for parts in (episodes, moves, starts))
-    return ChainResults(world, agents, whole, transferred, reused, variant_episodes)
+            reuse_parts.append(
+                reuse_of_seed(book, world, nominal, seed, reuse_agents, subject.episodes, nominal_states, key)
+            )
+        variant_episodes = {
+            one.name: episodes_of_variant(book, one, subject.episodes, show) for one in ablation_variants
+        }
+    episode_rows, transfer_rows, reuse_rows = (
+        pd.concat(parts, ignore_index=True) for parts in (episode_parts, transfer_parts, reuse_parts)
+    )
+    return ChainResults(world, agents, episode_rows, transfer_rows, reuse_rows, variant_episodes)
 
 
-def _ablated(subject: Subject, ablation: Ablation) -> list[Ablated]:
-    """The world's variants; their policies lie beside the configured world's, with the variant's name appended."""
-    ablated = []
+def _ablation_variants(subject: Subject, ablation: Ablation) -> list[AblationVariant]:
+    """Variants of the world; their policies lie beside the configured world's, with the variant's name appended."""
+    ablation_variants = []
     for name, differs in ablation.variants.items():
         world = make_world(subject.world, {**subject.params, **differs})
-        nominal, learnt = world.nominal_options(), subject.learnt.with_name(f"{subject.learnt.name}_{name}")
-        agents = {seed: load_agents(learnt, [ablation.learner], seed, world, nominal) for seed in subject.seeds}
-        ablated.append(Ablated(name, world, nominal, agents))
-    return ablated
+        nominal, folder = world.nominal_options(), subject.folder.with_name(f"{subject.folder.name}_{name}")
+        agents = {seed: load_agents(folder, [ablation.learner], seed, world, nominal) for seed in subject.seeds}
+        ablation_variants.append(AblationVariant(name, world, nominal, agents))
+    return ablation_variants
 
 
-def _places(subject: Subject, world: World, transfers: Transfers, stack: ExitStack) -> list[Variant]:
-    """Where policies go that were not learnt there."""
-    places = []
+def _transfer_variants(subject: Subject, world: World, transfers: Transfers, stack: ExitStack) -> list[Variant]:
+    """The worlds to transfer policies to."""
+    transfer_variants = []
     if transfers.failures:
-        places += variants(subject.world, subject.params, transfers.variants, transfers.failures)
+        transfer_variants += variants(subject.world, subject.params, transfers.variants, transfers.failures)
     if transfers.robosuite_failures:
-        places.append(robosuite_variant(world, transfers.robosuite_failures, stack))
-    return places
+        transfer_variants.append(robosuite_variant(world, transfers.robosuite_failures, stack))
+    return transfer_variants

@@ -25,12 +25,12 @@ Progress = Callable[[int], None]
 
 
 @dataclass(frozen=True)
-class Recovered:
-    """How N recoveries went.
+class RecoveryResults:
+    """Results of N recoveries.
 
     Attributes:
         success: [N] the task is done.
-        actions: [N, D] what was chosen, −1 after the end.
+        actions: [N, D] action of each decision, −1 after the end.
         steps: [N] control steps.
     """
 
@@ -44,34 +44,36 @@ class Overall:
     """N episodes of the whole robot.
 
     Attributes:
-        nominal: [N] the nominal skills did it alone.
+        nominal: [N] success of the nominal skills alone.
         flagged: [N] a detector fired, and the recovery took over.
-        recovered: of the flagged ones, in order.
-        success: [N] of both together.
-        diverged: [N] simulation broke down; to be left out.
+        recoveries: from the flagged episodes, in order.
+        success: [N] of nominal skills and recovery together.
+        diverged: [N] the simulation broke down; to be excluded.
     """
 
     nominal: BoolArray
     flagged: BoolArray
-    recovered: Recovered
+    recoveries: RecoveryResults
     success: BoolArray
     diverged: BoolArray
 
 
-def recover(world: World, nominal: Sequence[Option], agent: Agent, rows: Rows, watch: Watch | None = None) -> Recovered:
+def recover(
+    world: World, nominal: Sequence[Option], agent: Agent, rows: Rows, watch: Watch | None = None
+) -> RecoveryResults:
     """Let the agent act from each of `rows` [N], up to the bounds of its episodes.
 
-    A terminal option hands over to the nominal chain; where a detector fires again the episode is lost.
+    A terminal option hands over to the nominal chain; a second flag of a detector ends the episode as a failure.
     """
     parts = [
         _recover(world, nominal, agent, rows.take(np.arange(first, min(first + BATCH, len(rows)))), watch)
         for first in range(0, len(rows), BATCH)
     ]
-    names = Recovered.__dataclass_fields__
-    return Recovered(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
+    names = RecoveryResults.__dataclass_fields__
+    return RecoveryResults(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
 
 
-def _recover(world: World, nominal: Sequence[Option], agent: Agent, rows: Rows, watch: Watch | None) -> Recovered:
+def _recover(world: World, nominal: Sequence[Option], agent: Agent, rows: Rows, watch: Watch | None) -> RecoveryResults:
     limits = agent.limits
     if agent.preconditions is not None:  # one decision more: the handing over
         limits = replace(limits, decisions=limits.decisions + 1, primitive_steps=limits.primitive_steps + 1)
@@ -83,15 +85,15 @@ def _recover(world: World, nominal: Sequence[Option], agent: Agent, rows: Rows, 
     while busy.any():
         slots = np.flatnonzero(busy & pool.waiting)
         if len(slots):
-            chosen = agent.choose(pool.observation[slots], count[slots])
-            actions[slots, count[slots]] = chosen
+            action = agent.choose(pool.observation[slots], count[slots])
+            actions[slots, count[slots]] = action
             count[slots] += 1
-            pool.act(slots, chosen)
-        told: Transitions = pool.poll(watch)
-        steps[told.slot] += told.steps
-        success[told.slot] |= told.done & told.over
-        busy[told.slot[told.over]] = False
-    return Recovered(success, actions, steps)
+            pool.act(slots, action)
+        transitions: Transitions = pool.poll(watch)
+        steps[transitions.slot] += transitions.steps
+        success[transitions.slot] |= transitions.done & transitions.over
+        busy[transitions.slot[transitions.over]] = False
+    return RecoveryResults(success, actions, steps)
 
 
 def nominal_part(world: World, nominal: Sequence[Option], starts: Rows, *, slots: int = 64) -> Execution:
@@ -100,23 +102,23 @@ def nominal_part(world: World, nominal: Sequence[Option], starts: Rows, *, slots
 
 
 def overall(world: World, nominal: Sequence[Option], agent: Agent, starts: Rows, plain: Execution) -> Overall:
-    """The robot from each of `starts` [N]: by equation 5.1, or the policy alone if it learnt the whole task.
+    """The robot from each of `starts` [N]: by equation 5.1, or the policy alone if it does the whole task.
 
     Args:
         world: where.
         nominal: the chain.
         agent: takes over where the chain was flagged.
         starts: [N].
-        plain: what `nominal_part` did from them.
+        plain: the execution of `nominal_part` from them.
     """
     if agent.whole_task:
-        done = recover(world, nominal, agent, starts)
+        recoveries = recover(world, nominal, agent, starts)
         every = np.ones(len(starts), dtype=np.bool_)
-        return Overall(~every, every, done, done.success, ~every)
-    flagged = plain.last.reason == Reason.FAILED
+        return Overall(~every, every, recoveries, recoveries.success, ~every)
+    flagged = plain.last.reason == Reason.FAILURE
     success = plain.success.copy()
-    recovered = Recovered(success[:0], np.zeros((0, 0), dtype=np.int64), np.zeros(0, dtype=np.int64))
+    recoveries = RecoveryResults(success[:0], np.zeros((0, 0), dtype=np.int64), np.zeros(0, dtype=np.int64))
     if flagged.any():
-        recovered = recover(world, nominal, agent, plain.last.rows.take(flagged))
-        success[flagged] = recovered.success
-    return Overall(plain.success, flagged, recovered, success, plain.diverged)
+        recoveries = recover(world, nominal, agent, plain.last.rows.take(flagged))
+        success[flagged] = recoveries.success
+    return Overall(plain.success, flagged, recoveries, success, plain.diverged)

@@ -1,4 +1,4 @@
-"""Recorded failures for a run of learning, checked against what the run is asked for."""
+"""Recorded failures for a training run, checked against its configuration."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from p2l.worlds.table import make_world
 
 
 def recorded_failures(path: Path, item: str, world: str, params: Mapping[str, Any]) -> Failures:
-    """Training failures of a world, found under the estimator that is asked for.
+    """Training failures of a world, checked against its parameters and its estimator.
 
     Args:
-        path: where `discover` left them.
+        path: file of `discover`.
         item: world, or a variant of it, for the message.
         world: name or target.
         params: of the world.
@@ -31,12 +31,12 @@ def recorded_failures(path: Path, item: str, world: str, params: Mapping[str, An
     failures = load_failures(path, "train")
     check_params(failures, world, params, path)
     if params.get("estimator") != failures.origin.params.get("estimator"):
-        # A default may be what the other names.
-        given, own = (make_world(world, each).estimator.mode for each in (params, failures.origin.params))
-        if given != own:
+        # A mode that is left out may equal the one that is named.
+        mode, own_mode = (make_world(world, each).estimator.mode for each in (params, failures.origin.params))
+        if mode != own_mode:
             raise ArtifactError(
-                f"{path}: found under estimator={own}, the configuration says {given}; say "
-                f"world.params.estimator={own} here and in evaluate_chains, or run `python -m stages.discover "
-                f"world={item} estimator={given}`"
+                f"{path}: found under estimator={own_mode}, the configuration says {mode}; say "
+                f"world.params.estimator={own_mode} here and in evaluate_chains, or run `python -m stages.discover "
+                f"world={item} estimator={mode}`"
             )
     return failures

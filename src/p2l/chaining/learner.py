@@ -1,4 +1,4 @@
-"""What a learner brings to PPO: its actions, its reward, where its episodes start, how its policy acts afterwards.
+"""A learner: the recovery MDP that PPO trains in (actions, reward, start states), and how its policy is executed.
 
 A learner is one file with a function `learner(task, limits, **settings) -> Learner`, and one line in `learners`.
 """
@@ -23,7 +23,7 @@ from p2l.skills.primitives import PRIMITIVES, Primitive
 
 
 def no_failures(world: str) -> ConfigError:
-    """There is nothing to learn from."""
+    """The error of a world without recorded failures."""
     return ConfigError(
         f"no failures of world '{world}' to recover from; find some with `python -m stages.discover world={world} "
         f"hydra.run.dir=data/discover/{world}`, with more executions or more noise"
@@ -42,12 +42,12 @@ def share(value: object) -> bool:
 
 @dataclass(frozen=True)
 class ChainTask:
-    """What a recovery is learnt for.
+    """The task of a recovery policy.
 
     Attributes:
-        world: where.
+        world: of the task.
         nominal: the chain π_1 … π_k.
-        failures: recorded failures.
+        failures: recorded failures to learn from.
         seed: of the run; a learner derives its own generators from it.
     """
 
@@ -63,17 +63,17 @@ class ChainTask:
 
 @dataclass(frozen=True)
 class Learner:
-    """An MDP, and how what is learnt in it acts.
+    """A recovery MDP, and how a policy of it is executed.
 
     Attributes:
         limits: bounds of an episode.
-        starts: its episodes start here.
+        starts: start states of its episodes.
         primitives: the agent's own actions.
-        options: whether the nominal options are its actions, too.
-        judge: the reward of a decision.
-        shortcut: options that need not be simulated.
+        options: whether the nominal options are actions, too.
+        judge: reward and termination of a decision.
+        shortcut: predicts options that need not be simulated.
         preconditions: hand over to the best nominal controller where one of them holds, or at the episode's bounds.
-        whole_task: it does without the nominal controllers, from the task's start.
+        whole_task: the policy acts from the task's start, without the nominal controllers.
     """
 
     limits: Limits
@@ -86,13 +86,13 @@ class Learner:
     whole_task: bool = False
 
     def pool(self, task: ChainTask, rng: np.random.Generator, slots: int, revisit: float = 0.0) -> Pool:
-        """The MDP it learns in; episodes start at one of `starts`, drawn by `rng`, or go on from an earlier success.
+        """The recovery MDP; episodes start at one of `starts`, drawn by `rng`, or continue an earlier success.
 
         Args:
-            task: what for.
-            rng: which starts.
+            task: of the policy.
+            rng: draws the start states.
             slots: episodes at once.
-            revisit: see `revisit.Revisits`; whole tasks are never gone on with.
+            revisit: see `revisit.Revisits`; not used for whole tasks.
         """
         rows, nominal = self.starts, task.nominal if self.options else ()
         again = None

@@ -1,4 +1,4 @@
-"""What the RecoveryChaining MDP hands around: bounds of an episode, decisions that have played out, and their judge.
+"""Types of the RecoveryChaining MDP: bounds of an episode, transitions, and the judge of their outcomes.
 
 Axis letters: K decisions, O observation columns.
 """
@@ -41,18 +41,18 @@ class Limits:
 
 @dataclass(frozen=True)
 class Transitions:
-    """K decisions that have played out.
+    """K transitions, one for each decision whose action has ended.
 
     Attributes:
-        slot: [K] where.
+        slot: [K] slot of the pool.
         observation: [K, O] the state after the decision (of the ended episode where `over`).
-        reward: [K] 1 where the task is done, or what the learner's judge says.
-        done: [K] the judge says that this is what the episode was for: the task is done, or a precondition is met.
+        reward: [K] by the learner's judge; 1 where the task is done, without one of its own.
+        done: [K] by the learner's judge, the goal of the episode: the task is done, or a precondition holds.
         over: [K] the episode has ended.
-        fresh: [K] the ended episode started at a recorded failure, not at a moment of an earlier success.
+        fresh: [K] the episode that ended started at a recorded failure, not at a moment of an earlier success.
         cut: [K] it ended by a bound on its length, not by success, failure or an option.
         steps: [K] control steps the decision took.
-        next_observation: [K, O] what the slot's next decision is made on: `observation`, or a new episode's start.
+        next_observation: [K, O] state of the slot's next decision: `observation`, or a new episode's start.
     """
 
     slot: IntArray
@@ -67,14 +67,14 @@ class Transitions:
 
 
 @dataclass(frozen=True)
-class Played:
-    """What a judge sees of K decisions.
+class Outcomes:
+    """Outcomes of K decisions, from which a judge takes reward and termination.
 
     Attributes:
         before, after: [K] the moments before and after.
         observation: [K, O] the state after.
-        done: [K] the task is done, and no detector has spoken.
-        failed: [K] a detector has spoken, or the simulation broke down.
+        done: [K] the task is done, and no detector has fired.
+        failed: [K] a detector has fired, or the simulation broke down.
     """
 
     before: Rows
@@ -84,9 +84,9 @@ class Played:
     failed: BoolArray
 
 
-Judge = Callable[[Played], tuple[Array, BoolArray]]
+Judge = Callable[[Outcomes], tuple[Array, BoolArray]]
 
 
-def task_success(played: Played) -> tuple[Array, BoolArray]:
+def task_success(outcomes: Outcomes) -> tuple[Array, BoolArray]:
     """The MDP's own judge: reward 1 where the task is done, which ends the episode."""
-    return played.done.astype(np.float64), played.done
+    return outcomes.done.astype(np.float64), outcomes.done

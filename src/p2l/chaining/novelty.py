@@ -1,4 +1,4 @@
-"""How far a state is from where nominal execution has its options (figure 5.9).
+"""Distance of a state from the states in which nominal execution has its options (figure 5.9).
 
 A state is outside a set of nominal states if its nearest neighbour in half of the runs is farther away than that of
 99 % of the states of the other half; so about 1 % of nominal states are outside.
@@ -18,7 +18,7 @@ from p2l.records import Array, IntArray
 
 SETS = ("visited", "begun")  # states in which an option is at work, and those in which it starts
 QUANTILE = 0.99
-FEWEST = 4  # nominal runs through an option to say where it is used
+FEWEST = 4  # nominal runs through an option for a set of its states
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class StateSet:
 
 @dataclass(frozen=True)
 class NominalStates:
-    """Where nominal execution has its options.
+    """The states in which nominal execution has its options.
 
     Attributes:
         centre, spread: [F] of the features.
@@ -64,6 +64,6 @@ class NominalStates:
     sets: Mapping[tuple[int, str], StateSet | None]
 
     def off(self, option: int, name: str, values: Array) -> Array:
-        """[K] how far features [K, F] are off, outside above 1; NaN where that is not known."""
-        known = self.sets.get((option, name))
-        return np.full(len(values), np.nan) if known is None else known.off((values - self.centre) / self.spread)
+        """[K] distance of features [K, F] from the nominal states, outside above 1; NaN where those are too few."""
+        states = self.sets.get((option, name))
+        return np.full(len(values), np.nan) if states is None else states.off((values - self.centre) / self.spread)

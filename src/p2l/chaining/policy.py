@@ -1,7 +1,7 @@
 """A recovery policy that stands alone: weights in safetensors, everything else in a JSON card, no learner needed.
 
-The card says in which world, on which columns and over which actions the policy was learnt; where one of them differs
-it is refused, since an index would silently mean something else. A world with other parameters (another arm, another
+The card names the world, the columns and the actions of the policy; where one of them differs the policy is refused,
+since an index would silently mean something else. A world with other parameters (another arm, another
 object) is refused too unless the transfer is asked for.
 
 Axis letters: K rows, O observation columns, A actions.
@@ -25,7 +25,7 @@ from p2l.records import Array, IntArray, freeze
 
 SCHEMA = "recovery_policy"
 FILE = "policy.safetensors"
-ABSENT = "absent.json"  # beside a card whose weights were not kept
+ABSENT = "absent.json"  # beside a card without weights
 CLIP = 10.0  # standardised observations beyond it are cut, as SB3 does
 NARROWEST = 0.05  # m, rad or 1: what hardly varies among failures may vary during recovery
 Weights = Mapping[str, torch.Tensor]
@@ -51,11 +51,11 @@ class Normalisation:
 
 @dataclass(frozen=True)
 class Card:
-    """What a policy's weights mean.
+    """Metadata of a policy, which give its weights their meaning.
 
     Attributes:
         world: registered name.
-        digest: of the world it was learnt in.
+        digest: of the world of its training.
         learner: registered name.
         seed: of the run.
         config_hash: of the run.
@@ -64,7 +64,7 @@ class Card:
         limits: bounds of an episode.
         normalisation: of the columns.
         whole_task: it acts from the start of the task, not from a failure.
-        preconditions: it hands over where learnt preconditions hold; they lie beside it.
+        preconditions: it hands over where preconditions hold; their file lies beside the card.
         told: numbers for the reader: control steps, success at evaluation.
     """
 
@@ -83,12 +83,12 @@ class Card:
 
     def plain(self) -> dict[str, Any]:
         """For JSON."""
-        known = {name: getattr(self, name) for name in ("world", "learner", "seed", "config_hash")}
-        known |= {"world_digest": self.digest, "columns": list(self.columns), "actions": list(self.actions)}
+        plain = {name: getattr(self, name) for name in ("world", "learner", "seed", "config_hash")}
+        plain |= {"world_digest": self.digest, "columns": list(self.columns), "actions": list(self.actions)}
         scale = {"centre": self.normalisation.centre.tolist(), "scale": self.normalisation.scale.tolist()}
-        known |= {"limits": asdict(self.limits), "normalisation": scale, "told": dict(self.told)}
-        known |= {"whole_task": self.whole_task, "preconditions": self.preconditions}
-        return known | {"activation": "tanh", "clip": CLIP}
+        plain |= {"limits": asdict(self.limits), "normalisation": scale, "told": dict(self.told)}
+        plain |= {"whole_task": self.whole_task, "preconditions": self.preconditions}
+        return plain | {"activation": "tanh", "clip": CLIP}
 
     @classmethod
     def from_plain(cls, plain: Mapping[str, Any]) -> Card:
@@ -114,8 +114,8 @@ class Policy:
     """A network from observations to actions.
 
     Attributes:
-        card: what the weights mean.
-        weights: w0, b0, w1, b1 … of its layers, the last one linear; empty where only the card was kept.
+        card: metadata of the weights.
+        weights: w0, b0, w1, b1 … of its layers, the last one linear; empty where only the card is left.
         identity: of the policy without weights, its `policy_hash`.
     """
 
@@ -128,7 +128,7 @@ class Policy:
 
         Raises:
             ShapeError: another number of columns, or NaN.
-            ArtifactError: the weights were not kept.
+            ArtifactError: there are no weights.
         """
         if not self.weights:
             card = self.card
@@ -137,16 +137,16 @@ class Policy:
                 "judged by were kept, not its weights. To have them, learn it again with `python -m "
                 f"stages.chain_recoveries`, learner={card.learner} seed={card.seed} records=null"
             )
-        given = freeze("observation", observation, ("K", "O"), {"O": len(self.card.columns)})
+        values = freeze("observation", observation, ("K", "O"), {"O": len(self.card.columns)})
         scale = self.card.normalisation
         centre, spread = (torch.tensor(part, dtype=torch.float32) for part in (scale.centre, scale.scale))
-        hidden = ((torch.tensor(given, dtype=torch.float32) - centre) / spread).clamp(-CLIP, CLIP)
+        activation = ((torch.tensor(values, dtype=torch.float32) - centre) / spread).clamp(-CLIP, CLIP)
         layers = len(self.weights) // 2
         for layer in range(layers):
             weight, bias = self.weights[f"w{layer}"].float(), self.weights[f"b{layer}"].float()
-            hidden = functional.linear(hidden, weight, bias)
-            hidden = torch.tanh(hidden) if layer < layers - 1 else hidden
-        return hidden
+            activation = functional.linear(activation, weight, bias)
+            activation = torch.tanh(activation) if layer < layers - 1 else activation
+        return activation
 
     def act(self, observation: Array) -> IntArray:
         """[K] the most probable action."""
@@ -160,7 +160,7 @@ def save_policy(folder: Path, policy: Policy) -> None:
 
 
 def save_absent(folder: Path, policy: Policy) -> None:
-    """Say beside a card whose weights were not kept which policy it is of."""
+    """Write the identity of a policy beside a card without weights."""
     save_json(folder / ABSENT, {"policy": policy.identity}, schema="absent_policy", version=1)
 
 
@@ -169,7 +169,7 @@ def load_policy(folder: Path, *, identity: str | None = None) -> Policy:
 
     Args:
         folder: of the policy.
-        identity: its `policy_hash`, from who knows it: then the card is enough where the weights were not kept.
+        identity: its `policy_hash`, if known; a card without weights then needs no file of its identity.
 
     Raises:
         ArtifactError: missing or damaged.
@@ -196,7 +196,7 @@ def load_policy(folder: Path, *, identity: str | None = None) -> Policy:
 
 
 def policy_hash(policy: Policy) -> str:
-    """Identifies a policy by what it does, and by where it was learnt."""
+    """Identity of a policy: the hash of its card and its weights."""
     if not policy.weights:
         return policy.identity
     weights = {name: tensor.tolist() for name, tensor in policy.weights.items()}
@@ -217,16 +217,16 @@ def check_policy(
     actions: Sequence[str],
     transfer: bool = False,
 ) -> None:
-    """Refuse a policy that was learnt for something else.
+    """Refuse a policy of another world, other columns or other actions.
 
     Args:
         policy: as loaded.
         where: its folder, for the message.
-        world: registered name of where it is to act,
-        digest: its digest,
-        columns: its columns, and
-        actions: its actions.
-        transfer: another version of the same world is wanted.
+        world: registered name of the world in which it is to act.
+        digest: of that world.
+        columns: of that world.
+        actions: of that world.
+        transfer: accept another version of the same world.
 
     Raises:
         ArtifactError: the world, its columns or its actions differ.
@@ -234,11 +234,11 @@ def check_policy(
     card = policy.card
     if card.world != world:
         raise ArtifactError(f"{where}: a policy for world '{card.world}'; this is '{world}'")
-    for what, given, wanted in (("actions", card.actions, actions), ("columns", card.columns, columns)):
-        if tuple(given) != tuple(wanted):
+    for what, card_names, world_names in (("actions", card.actions, actions), ("columns", card.columns, columns)):
+        if tuple(card_names) != tuple(world_names):
             raise ArtifactError(
-                f"{where}: a policy of '{world}' with {len(given)} {what} ({_first(given, wanted)}); "
-                f"this world has {len(wanted)} ({_first(wanted, given)})"
+                f"{where}: a policy of '{world}' with {len(card_names)} {what} ({_first(card_names, world_names)}); "
+                f"this world has {len(world_names)} ({_first(world_names, card_names)})"
             )
     if card.digest != digest and not transfer:
         raise ArtifactError(

@@ -1,4 +1,4 @@
-"""stable-baselines3's PPO on a pool of slots: only the gathering of rollouts is its own.
+"""stable-baselines3's PPO on a pool of slots, with its own collection of rollouts.
 
 1. A rollout is `n_steps` decisions of all slots together (thesis: 120), in SB3's own buffer as if of one environment,
    trajectory after trajectory with `episode_starts` at their heads.
@@ -6,7 +6,7 @@
    length ends it for good, unlike SB3's time limits: who has not handed over by then has failed to recover (eq. 5.1).
    With γ · V there, moving to and fro is worth as much as trying, and learners of the shelf settle for it.
 3. The entropy bonus is 0.02, the author's 0, and λ is 0.8, SB3's 0.95 (conf/chain_recoveries.yaml). Normalised
-   advantages of rollouts without any pay are noise, and the bonus holds against that. Where options end an episode
+   advantages of rollouts without any reward are noise, and the bonus holds against that. Where options end an episode
    and mostly fail, a long λ charges a good motion for the option tried after it; with 0.5, or with pieces of
    trajectories as short as 64 slots leave of 120 decisions, the critic alone credits it, and learning gets stuck.
 4. `num_timesteps` counts simulated control steps, options included, so a budget is one of simulation.
@@ -64,31 +64,31 @@ class PPOSettings:
 
 @dataclass
 class RolloutCounts:
-    """What happened during one rollout.
+    """Counts of one rollout.
 
     Attributes:
-        chosen: [A] how often each action was chosen among the decisions of the rollout, whatever their episode.
+        action_counts: [A] decisions for each action, whatever their episode.
         ended: episodes from recorded failures that ended.
-        done: of them, those that the learner's judge calls done.
-        revisited: episodes that went on from an earlier success, and ended.
-        settled: episodes that ended unsimulated.
+        done: of them, those that are done by the learner's judge.
+        revisited: episodes that started at an earlier success, and ended.
+        settled: episodes that ended without simulation.
         reward: sum over decisions.
     """
 
-    chosen: IntArray
+    action_counts: IntArray
     ended: int = 0
     done: int = 0
     revisited: int = 0
     settled: int = 0
     reward: float = 0.0
 
-    def add(self, told: Transitions, settled: bool) -> None:
-        """Count what has played out."""
-        self.ended += int((told.over & told.fresh).sum())
-        self.done += int((told.done & told.over & told.fresh).sum())
-        self.revisited += int((told.over & ~told.fresh).sum())
-        self.settled += settled * len(told.slot)
-        self.reward += float(told.reward.sum())
+    def add(self, transitions: Transitions, settled: bool) -> None:
+        """Count transitions; `settled`: they were not simulated."""
+        self.ended += int((transitions.over & transitions.fresh).sum())
+        self.done += int((transitions.done & transitions.over & transitions.fresh).sum())
+        self.revisited += int((transitions.over & ~transitions.fresh).sum())
+        self.settled += settled * len(transitions.slot)
+        self.reward += float(transitions.reward.sum())
 
 
 class PoolPPO(PPO):
@@ -99,7 +99,7 @@ class PoolPPO(PPO):
         settings: of the algorithm.
         normalisation: of observations, frozen.
         seed: below 2³²; SB3 seeds Python's, NumPy's and torch's global generators with it.
-        shortcut: says which options need not be simulated.
+        shortcut: predicts options that need not be simulated.
     """
 
     def __init__(
@@ -111,10 +111,10 @@ class PoolPPO(PPO):
         shortcut: Shortcut | None = None,
     ) -> None:
         self.pool, self.shortcut = pool, shortcut
-        self.gathered = Gatherer()
-        self.steps_before = 0  # control steps of the run that this one resumes
+        self.gatherer = Gatherer()
+        self.steps_before = 0  # control steps of the run before it was resumed
         self.round = RolloutCounts(np.zeros(len(pool.actions), dtype=np.int64))
-        kept = {name: value for name, value in vars(settings).items() if name != "hidden"}
+        keywords = {name: value for name, value in vars(settings).items() if name != "hidden"}
         sizes = list(settings.hidden)
         extractor = {"centre": normalisation.centre, "scale": normalisation.scale}
         super().__init__(
@@ -127,29 +127,29 @@ class PoolPPO(PPO):
                 "features_extractor_class": Standardise,
                 "features_extractor_kwargs": extractor,
             },
-            **kept,
+            **keywords,
         )
 
     def collect_rollouts(
         self, env: VecEnv, callback: BaseCallback, rollout_buffer: RolloutBuffer, n_rollout_steps: int
     ) -> bool:
-        """Fill the buffer with the next `n_rollout_steps` decisions that play out, in whatever slot."""
+        """Fill the buffer with the next `n_rollout_steps` decisions whose actions end, in whatever slot."""
         del env  # its spaces are all that it has
         self.policy.set_training_mode(False)
         callback.on_rollout_start()
         self.round = RolloutCounts(np.zeros(len(self.pool.actions), dtype=np.int64))
-        while len(self.gathered) < n_rollout_steps:
-            if self.pool.waiting.any():  # also those whose episode has just been settled
+        while len(self.gatherer) < n_rollout_steps:
+            if self.pool.waiting.any():  # also slots whose episode has just been settled
                 self._decide(np.flatnonzero(self.pool.waiting))
                 continue
-            self._tell(self.pool.poll())
+            self._add(self.pool.poll())
             self.num_timesteps = self.steps_before + self.pool.control_steps
             callback.update_locals(locals())
             if not callback.on_step():
                 return False
-        taken = self.gathered.take(n_rollout_steps)
-        self.round.chosen = np.bincount(taken.action, minlength=len(self.pool.actions))
-        self._fill(rollout_buffer, taken)
+        decisions = self.gatherer.take(n_rollout_steps)
+        self.round.action_counts = np.bincount(decisions.action, minlength=len(self.pool.actions))
+        self._fill(rollout_buffer, decisions)
         callback.update_locals(locals())
         callback.on_rollout_end()
         return True
@@ -158,35 +158,37 @@ class PoolPPO(PPO):
         observation = self.pool.observation[slots]
         with torch.no_grad():
             action, value, log_prob = self.policy(_tensor(observation))
-        chosen = action.numpy().astype(np.int64)
-        self.gathered.decide(slots, observation, chosen, value.numpy()[:, 0], log_prob.numpy())
+        actions = action.numpy().astype(np.int64)
+        self.gatherer.decide(slots, observation, actions, value.numpy()[:, 0], log_prob.numpy())
         if self.shortcut is not None:
-            sure = self.shortcut.sure(observation, chosen)
+            sure = self.shortcut.sure(observation, actions)
             if sure.any():
-                self._tell(self.pool.settle(slots[sure], np.ones(int(sure.sum()))), settled=True)
-            slots, chosen = slots[~sure], chosen[~sure]
-            self.shortcut.begin(slots, observation[~sure], chosen)
+                self._add(self.pool.settle(slots[sure], np.ones(int(sure.sum()))), settled=True)
+            slots, actions = slots[~sure], actions[~sure]
+            self.shortcut.begin(slots, observation[~sure], actions)
         if len(slots):
-            self.pool.act(slots, chosen)
+            self.pool.act(slots, actions)
 
-    def _tell(self, told: Transitions, *, settled: bool = False) -> None:
-        self.gathered.add(told)
-        self.round.add(told, settled)
+    def _add(self, transitions: Transitions, *, settled: bool = False) -> None:
+        self.gatherer.add(transitions)
+        self.round.add(transitions, settled)
         if self.shortcut is not None and not settled:
-            self.shortcut.end(told)
+            self.shortcut.end(transitions)
 
-    def _fill(self, buffer: RolloutBuffer, taken: Decisions) -> None:
-        reward = taken.reward.copy()
-        if (cut := taken.open_end).any():
+    def _fill(self, buffer: RolloutBuffer, decisions: Decisions) -> None:
+        reward = decisions.reward.copy()
+        if (cut := decisions.open_end).any():
             with torch.no_grad():
-                future = self.policy.predict_values(_tensor(taken.after[cut])).numpy()[:, 0]
+                future = self.policy.predict_values(_tensor(decisions.after[cut])).numpy()[:, 0]
             reward[cut] += self.gamma * future
         buffer.reset()
-        observation = taken.observation.astype(np.float32)
-        value, log_prob = (torch.tensor(part, dtype=torch.float32) for part in (taken.value, taken.log_prob))
+        observation = decisions.observation.astype(np.float32)
+        value, log_prob = (torch.tensor(part, dtype=torch.float32) for part in (decisions.value, decisions.log_prob))
         for k in range(len(reward)):
             one = slice(k, k + 1)
-            buffer.add(observation[one], taken.action[one], reward[one], taken.head[one], value[one], log_prob[one])
+            buffer.add(
+                observation[one], decisions.action[one], reward[one], decisions.head[one], value[one], log_prob[one]
+            )
         buffer.compute_returns_and_advantage(last_values=torch.zeros(1), dones=np.ones(1))  # the last one ends, too
 
 
@@ -207,7 +209,7 @@ class Standardise(BaseFeaturesExtractor):
 
 
 class _Spaces(gymnasium.Env[Array, int]):
-    """What SB3 asks of an environment before it learns; steps come from the pool."""
+    """The spaces that SB3 asks an environment for; steps come from the pool."""
 
     def __init__(self, pool: Pool) -> None:
         self.observation_space, self.action_space = spaces(pool)

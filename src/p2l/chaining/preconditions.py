@@ -1,10 +1,10 @@
-"""Preconditions of the nominal controllers as a deployed robot sees them, learnt offline from nominal trajectories.
+"""Preconditions of the nominal controllers over deployable observations, fitted offline to nominal trajectories.
 
 For the baseline that learns to reach them (thesis, section 5.3.3): each control step of a nominal run is a state in
-which the controller that is running may be started, labelled by whether the task was done in the end.
+which the running controller may be started, labelled by the success of the run.
 
 1. The number of actions so far is left out: in nominal runs it is the number of the controller, so that a recovery,
-   which has taken more actions, would never be where any controller starts.
+   which has taken more actions, would never meet a precondition.
 
 Axis letters: K rows, O observation columns, F features, I nominal controllers.
 """
@@ -37,7 +37,7 @@ class ControllerPreconditions:
     Attributes:
         classifiers: I of them, over the same features.
         columns: [F] which columns of an observation those are.
-        threshold: probability from which a precondition counts as met.
+        threshold: probability from which a precondition holds.
     """
 
     classifiers: tuple[PreconditionClassifier, ...]
@@ -48,12 +48,12 @@ class ControllerPreconditions:
         """[K, I] probabilities from [K, O] observations."""
         return np.stack([one.probability(observation[:, self.columns]) for one in self.classifiers], axis=1)
 
-    def met(self, observation: Array) -> BoolArray:
+    def holds(self, observation: Array) -> BoolArray:
         """[K] whether one of them holds."""
         return np.asarray(self.score(observation).max(axis=1) >= self.threshold)
 
     def best(self, observation: Array) -> IntArray:
-        """[K] the controller that is likeliest to succeed."""
+        """[K] the controller most likely to succeed."""
         return np.asarray(self.score(observation).argmax(axis=1))
 
     def arrays(self) -> dict[str, npt.NDArray[Any]]:
@@ -69,73 +69,79 @@ class ControllerPreconditions:
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, npt.NDArray[Any]]) -> ControllerPreconditions:
         """From what `arrays` gave."""
-        made = []
+        classifiers = []
         for i in range(int(arrays["count"])):
             mine = {key.partition(".")[2]: value for key, value in arrays.items() if key.startswith(f"{i}.")}
-            made.append(PreconditionClassifier.from_arrays(mine))
-        return cls(tuple(made), np.asarray(arrays["columns"]), float(arrays["threshold"]))
+            classifiers.append(PreconditionClassifier.from_arrays(mine))
+        return cls(tuple(classifiers), np.asarray(arrays["columns"]), float(arrays["threshold"]))
 
 
 @dataclass(frozen=True)
-class Visited:
+class TrajectoryStates:
     """K states on nominal trajectories.
 
     Attributes:
-        seen: [K] observations.
-        option: [K] controller that was running.
-        success: [K] whether its episode ended well.
+        observation: [K].
+        option: [K] the running controller.
+        success: [K] of the whole episode.
     """
 
-    seen: Observation
+    observation: Observation
     option: IntArray
     success: BoolArray
 
 
-def visit(world: World, nominal: Sequence[Option], starts: Rows, *, every: int) -> Visited:
+def visit(world: World, nominal: Sequence[Option], starts: Rows, *, every: int) -> TrajectoryStates:
     """States of one nominal trajectory from each of `starts`, the first and every so many control steps."""
-    seen: list[Observation] = [world.observe(starts)]
+    observations: list[Observation] = [world.observe(starts)]
     episodes: list[IntArray] = [np.arange(len(starts))]
     steps: list[IntArray] = [np.zeros(len(starts), dtype=np.int64)]
 
     def watch(episode: IntArray, step: IntArray, rows: Rows) -> None:
         due = step % every == 0
         if due.any():
-            seen.append(world.observe(rows.take(due)))
+            observations.append(world.observe(rows.take(due)))
             episodes.append(episode[due])
             steps.append(step[due])
 
-    done = run(world, nominal, starts, watch=watch)
+    execution = run(world, nominal, starts, watch=watch)
     episode, step = np.concatenate(episodes), np.concatenate(steps)
     order = np.lexsort((step, episode))
-    values = np.concatenate([part.values for part in seen])[order]
+    values = np.concatenate([part.values for part in observations])[order]
     episode, step = episode[order], step[order]
-    before = (done.ends.episode[None] == episode[:, None]) & (done.ends.step[None] <= step[:, None])
+    before = (execution.ends.episode[None] == episode[:, None]) & (execution.ends.step[None] <= step[:, None])
     option = np.minimum(before.sum(axis=1), len(nominal) - 1)
-    flagged = (done.last.step[episode] == step) & ~done.success[episode]
-    kept = ~flagged  # the moment of failure is no moment at which a controller was started
-    observed = Observation(seen[0].columns, values[kept])
-    return Visited(observed, option[kept], done.success[episode[kept]])
+    flagged = (execution.last.step[episode] == step) & ~execution.success[episode]
+    keep = ~flagged  # no controller starts at the moment of failure
+    observation = Observation(observations[0].columns, values[keep])
+    return TrajectoryStates(observation, option[keep], execution.success[episode[keep]])
 
 
 def fit(
-    visited: Visited, nominal: Sequence[Option], fields: Sequence[str], threshold: float, rng: np.random.Generator
+    states: TrajectoryStates,
+    nominal: Sequence[Option],
+    fields: Sequence[str],
+    threshold: float,
+    rng: np.random.Generator,
 ) -> ControllerPreconditions:
-    """A classifier for each controller, over `fields` of the observation (all without any).
+    """Fit a classifier for each controller over `fields` of the observation (empty: all).
 
     Raises:
         ConfigError: a controller never led to success.
     """
-    seen = visited.seen
+    observation = states.observation
     if fields:
-        seen = Observation.of({name: seen[name] for name in fields})
-    names = np.array(seen.names)
+        observation = Observation.of({name: observation[name] for name in fields})
+    names = np.array(observation.names)
     columns = np.flatnonzero(names != COUNTER)
-    made = []
+    classifiers = []
     for index, option in enumerate(nominal):
-        mine = visited.option == index
-        if visited.success[mine].sum() < 2:
+        mine = states.option == index
+        if states.success[mine].sum() < 2:
             raise ConfigError(
                 f"no nominal trajectory got through '{option.name}' to success; run more of them (trajectories)"
             )
-        made.append(fit_classifier(seen.values[mine][:, columns], visited.success[mine], tuple(names[columns]), rng))
-    return ControllerPreconditions(tuple(made), columns, threshold)
+        classifiers.append(
+            fit_classifier(observation.values[mine][:, columns], states.success[mine], tuple(names[columns]), rng)
+        )
+    return ControllerPreconditions(tuple(classifiers), columns, threshold)

@@ -1,6 +1,6 @@
-"""Finished runs of learning among the records (`p2l.ledger`): curves in a record, the policy in a folder beside it.
+"""Completed training runs in the ledger (`p2l.ledger`): curves in a record, the policy in a folder beside it.
 
-A run at thesis scale is one item of sixty. Whoever holds the records needs to learn nothing again, and goes on with
+A run at thesis scale is one item of sixty. With the records nothing is trained again, and a comparison continues with
 the first run that is missing.
 """
 
@@ -22,21 +22,21 @@ from p2l.errors import ArtifactError
 from p2l.failures.record import Failures
 from p2l.ledger import Item, find, write
 
-VERSION = 3  # raise it when an edit of the code changes what is learnt: committed records know no code
+VERSION = 3  # raise it when an edit of the code changes results: committed records hold no hash of the code
 POLICIES = "policies"
 DIGITS = 6  # of the numbers in a record
 TIMES = ["seconds", "evaluation_seconds", "control_steps_per_s"]  # earlier records hold them; no table does
 
 
 @dataclass(frozen=True)
-class Learnt:
-    """A finished run.
+class RunResult:
+    """Result of a completed training run.
 
     Attributes:
         rounds: one row per rollout.
         evaluations: one row per evaluation.
-        facts: the run in plain numbers, see `train.summary`.
-        times: what it took, see `train.times`; empty where the records knew it.
+        facts: summary numbers, see `train.summary`.
+        times: wall times, see `train.times`; empty where the result comes from the ledger.
     """
 
     rounds: pd.DataFrame
@@ -45,79 +45,81 @@ class Learnt:
     times: Mapping[str, float] = field(default_factory=dict)
 
 
-def learnt_of(progress: Progress, failures: int, apart: int) -> Learnt:
-    """What a finished run leaves beside its policy.
+def run_result(progress: Progress, failures: int, apart: int) -> RunResult:
+    """The result of a completed run, without its policy.
 
     Args:
-        progress: the run.
-        failures: that there were,
-        apart: of them set apart for evaluations.
+        progress: of the run.
+        failures: number of recorded failures.
+        apart: how many of them were set apart for evaluations.
     """
     facts = {"failures": failures, "set_apart": apart, **summary(progress)}
-    return Learnt(pd.DataFrame(progress.rounds), pd.DataFrame(progress.evaluations), facts, times(progress))
+    return RunResult(pd.DataFrame(progress.rounds), pd.DataFrame(progress.evaluations), facts, times(progress))
 
 
 def run_item(item: str, learner: str, seed: int, config: str, failures: Failures, code: str) -> Item:
-    """A run's entry in the ledger.
+    """The ledger's item of a run.
 
     Args:
         item: world, or a variant of it.
         learner: registered name.
         seed: of the run.
         config: hash of its configuration.
-        failures: it learns from.
-        code: hash of code whose change makes a record invalid; empty, for committed records: no change does. These go
-            to other machines, where the same discovery finds the same failures, but for the last bits of some that
-            another processor rounds otherwise; so they know them by their origin, and not by their rows.
+        failures: to learn from.
+        code: hash of the code, whose change makes a record invalid; empty for committed records. These go to other
+            machines, where the same discovery finds the same failures, but for the last bits of some that another
+            processor rounds otherwise; so their item depends on the origin of the failures, and not on their rows.
     """
     if code:
-        known: dict[str, Any] = {name: values.tolist() for name, values in failures.rows.arrays().items()}
+        identity: dict[str, Any] = {name: values.tolist() for name, values in failures.rows.arrays().items()}
     else:
-        known = asdict(failures.origin)
-        known["params"] = {name: value for name, value in known["params"].items() if name != "nthread"}
-    return Item(item, learner, seed, 0, config_hash([VERSION, config, failures.origin.digest, known, code]))
+        identity = asdict(failures.origin)
+        identity["params"] = {name: value for name, value in identity["params"].items() if name != "nthread"}
+    return Item(item, learner, seed, 0, config_hash([VERSION, config, failures.origin.digest, identity, code]))
 
 
 def policy_folder(records: Path, item: Item) -> Path:
-    """Where the records hold a run's policy."""
+    """Folder of a run's policy among the records."""
     return records / POLICIES / f"{item.world}-{item.method}-s{item.seed}"
 
 
-def find_run(records: Path, item: Item, config: str, folder: Path) -> Learnt | None:
-    """A finished run of the records, its policy copied to `folder`; None if it is not there, or not whole.
+def find_run(records: Path, item: Item, config: str, folder: Path) -> RunResult | None:
+    """The result of a run in the ledger, its policy copied to `folder`; None if it is missing or incomplete.
 
-    The records may hold a policy's card without its weights: that is enough to look up all that it was judged by.
+    The records may hold a policy's card without its weights, which is enough to look up its evaluations.
     """
-    content, kept = find(records, item), policy_folder(records, item)
+    content, source = find(records, item), policy_folder(records, item)
     if content is None:
         return None
     try:
-        policy = load_policy(kept, identity=content.get("policy"))
+        policy = load_policy(source, identity=content.get("policy"))
     except ArtifactError:
         return None
     if policy.card.config_hash != config:
         return None
-    copy_policy(kept, folder)
+    copy_policy(source, folder)
     if not policy.weights:
         save_absent(folder, policy)
     rounds, evaluations = (
         pd.DataFrame(content[name]).drop(columns=TIMES, errors="ignore") for name in ("rounds", "evaluations")
     )
-    return Learnt(rounds, evaluations, {name: value for name, value in content["facts"].items() if name not in TIMES})
+    return RunResult(
+        rounds, evaluations, {name: value for name, value in content["facts"].items() if name not in TIMES}
+    )
 
 
-def keep_run(records: Path, item: Item, learnt: Learnt, folder: Path) -> None:
-    """Put a finished run, whose policy is in `folder`, among the records."""
+def keep_run(records: Path, item: Item, result: RunResult, folder: Path) -> None:
+    """Write the result of a run, and its policy from `folder`, to the ledger."""
     copy_policy(folder, policy_folder(records, item))
-    tables = {"rounds": learnt.rounds, "evaluations": learnt.evaluations}
+    tables = {"rounds": result.rounds, "evaluations": result.evaluations}
     content = {name: {str(key): _short(column) for key, column in table.items()} for name, table in tables.items()}
     identity = policy_hash(load_policy(folder))
-    facts = {"facts": dict(learnt.facts), "policy": identity}
-    write(records, item, content | facts, seconds=float(learnt.times["seconds"]))
+    facts = {"facts": dict(result.facts), "policy": identity}
+    write(records, item, content | facts, seconds=float(result.times["seconds"]))
 
 
 def copy_policy(source: Path, target: Path) -> None:
-    """A policy, its card and what its learner wants beside it, in place of what was there."""
+    """Copy a policy with its card and its preconditions, and delete those of an earlier policy."""
     for name in (FILE, f"{FILE}.json", ABSENT, PRECONDITIONS):
         if (source / name).is_file():
             with atomic(target / name) as temporary:

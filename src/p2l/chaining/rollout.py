@@ -1,8 +1,8 @@
 """Decisions of many slots, gathered into the trajectories that a policy-gradient learner wants.
 
-Slots decide at their own pace, so a rollout is not a rectangle of steps × slots. Decisions are ordered as they have
-played out; a rollout takes the first of them, groups them by slot, and cuts where an episode ends or the rollout does.
-What is pending, or more than asked for, stays for the next rollout, with the probability that it was chosen with.
+Slots decide at their own pace, so a rollout is not a rectangle of steps × slots. Decisions are ordered by the end of
+their action; a rollout takes the first of them, groups them by slot, and cuts where an episode or the rollout ends.
+Pending and surplus decisions stay for the next rollout, with the log-probability of their time.
 
 Axis letters: B slots, K decisions, O observation columns.
 """
@@ -22,14 +22,14 @@ class Decisions:
     """K decisions, trajectory after trajectory.
 
     Attributes:
-        slot: [K] where.
-        observation: [K, O] what it was made on.
+        slot: [K] slot of the pool.
+        observation: [K, O] the state before the decision.
         action: [K].
         value: [K] of the observation, by the critic at that time.
         log_prob: [K] of the action, by the actor at that time.
         reward: [K].
         head: [K] first of its trajectory.
-        open_end: [K] last of a trajectory that goes on after the rollout: its future is worth what the critic says of
+        open_end: [K] last of a trajectory that continues after the rollout: its return is bootstrapped by the critic.
         after: [K, O] the state after the decision.
     """
 
@@ -46,7 +46,7 @@ class Decisions:
 
 @dataclass(frozen=True)
 class _Choice:
-    """One decision, when made."""
+    """A decision whose action has not ended yet."""
 
     observation: Array
     action: int
@@ -55,8 +55,8 @@ class _Choice:
 
 
 @dataclass(frozen=True)
-class _Played:
-    """One decision, played out."""
+class _Transition:
+    """A decision with its outcome."""
 
     slot: int
     choice: _Choice
@@ -66,41 +66,45 @@ class _Played:
 
 
 class Gatherer:
-    """Remembers what is under way."""
+    """Collects decisions and their outcomes."""
 
     def __init__(self) -> None:
         self._pending: dict[int, _Choice] = {}
-        self._played: list[_Played] = []
+        self._transitions: list[_Transition] = []
 
     def __len__(self) -> int:
-        """Decisions that have played out and that no rollout has taken."""
-        return len(self._played)
+        """Number of transitions for the next rollout."""
+        return len(self._transitions)
 
     def decide(self, slots: IntArray, observation: Array, action: IntArray, value: Array, log_prob: Array) -> None:
-        """Decisions have been made in `slots` [K]."""
-        told = zip(slots.tolist(), observation, action.tolist(), value.tolist(), log_prob.tolist(), strict=True)
-        self._pending |= {slot: _Choice(*rest) for slot, *rest in told}
+        """Add the decisions [K] of `slots` [K]."""
+        choices = zip(slots.tolist(), observation, action.tolist(), value.tolist(), log_prob.tolist(), strict=True)
+        self._pending |= {slot: _Choice(*rest) for slot, *rest in choices}
 
-    def add(self, told: Transitions) -> None:
-        """Decisions have played out."""
-        for place, slot in enumerate(told.slot.tolist()):
-            over, reward, after = bool(told.over[place]), float(told.reward[place]), told.observation[place]
-            self._played.append(_Played(slot, self._pending.pop(slot), reward, after, over))
+    def add(self, transitions: Transitions) -> None:
+        """Add the outcomes of decisions."""
+        for place, slot in enumerate(transitions.slot.tolist()):
+            over, reward, after = (
+                bool(transitions.over[place]),
+                float(transitions.reward[place]),
+                transitions.observation[place],
+            )
+            self._transitions.append(_Transition(slot, self._pending.pop(slot), reward, after, over))
 
     def take(self, count: int) -> Decisions:
         """The first `count` decisions, grouped by slot."""
-        taken, self._played = self._played[:count], self._played[count:]
-        taken = sorted(taken, key=lambda one: one.slot)  # stable: a slot's decisions stay in order
-        following = [one.slot for one in taken[1:]] + [-1]
-        last = np.array([one.over or one.slot != after for one, after in zip(taken, following, strict=True)])
+        transitions, self._transitions = self._transitions[:count], self._transitions[count:]
+        transitions = sorted(transitions, key=lambda one: one.slot)  # stable: a slot's decisions stay in order
+        following = [one.slot for one in transitions[1:]] + [-1]
+        last = np.array([one.over or one.slot != after for one, after in zip(transitions, following, strict=True)])
         return Decisions(
-            slot=np.array([one.slot for one in taken]),
-            observation=np.stack([one.choice.observation for one in taken]),
-            action=np.array([one.choice.action for one in taken]),
-            value=np.array([one.choice.value for one in taken]),
-            log_prob=np.array([one.choice.log_prob for one in taken]),
-            reward=np.array([one.reward for one in taken]),
+            slot=np.array([one.slot for one in transitions]),
+            observation=np.stack([one.choice.observation for one in transitions]),
+            action=np.array([one.choice.action for one in transitions]),
+            value=np.array([one.choice.value for one in transitions]),
+            log_prob=np.array([one.choice.log_prob for one in transitions]),
+            reward=np.array([one.reward for one in transitions]),
             head=np.concatenate([[True], last[:-1]]),
-            open_end=last & np.array([not one.over for one in taken]),
-            after=np.stack([one.after for one in taken]),
+            open_end=last & np.array([not one.over for one in transitions]),
+            after=np.stack([one.after for one in transitions]),
         )

@@ -1,4 +1,4 @@
-"""What a lazy learner adds to a rollout: options whose outcome is certain enough need not be simulated."""
+"""The shortcut of a lazy learner: options whose success is certain enough need not be simulated."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from p2l.records import Array, BoolArray, IntArray
 
 
 class Shortcut(Protocol):
-    """Learns from the options that were simulated which ones need not be.
+    """Learns from the outcomes of simulated options which ones need no simulation.
 
     Axis letters: K decisions, O observation columns.
     """
@@ -19,13 +19,13 @@ class Shortcut(Protocol):
         """[K] whether `action` [K] is an option that will succeed from `observation` [K, O]."""
 
     def begin(self, slots: IntArray, observation: Array, action: IntArray) -> None:
-        """These decisions are simulated."""
+        """Decisions [K] whose actions are going to be simulated."""
 
-    def end(self, told: Transitions) -> None:
-        """How they came out."""
+    def end(self, transitions: Transitions) -> None:
+        """Transitions of those decisions."""
 
     def state(self) -> dict[str, Array]:
-        """What it has learnt, for a checkpoint."""
+        """Its outcomes so far, for a checkpoint."""
 
     def restore(self, state: Mapping[str, Array]) -> None:
         """From what `state` gave."""

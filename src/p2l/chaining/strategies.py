@@ -1,6 +1,6 @@
-"""By which strategy a recovery gets out of a failure (thesis, sections 5.4.1 and 5.4.2).
+"""The strategy of a recovery (thesis, sections 5.4.1 and 5.4.2).
 
-The thesis names the strategies without saying how they were told apart; each world has its definitions, see
+The thesis names strategies without defining them; each world has its own definitions, see
 `contracts.world.Strategic`.
 
 Axis letters: N recoveries.
@@ -16,13 +16,13 @@ AT_ONCE, OTHER, UNNAMED = "at_once", "other", "unnamed"
 
 
 def strategy(world: World, before: Rows, after: Rows, primitives: IntArray) -> list[str]:
-    """[N] what a recovery has done between the failure and its last decision, by the state it brought about.
+    """[N] strategies, by the change of the state between the failure and the last decision.
 
     Args:
         world: where.
         before: [N] the failures.
         after: [N] the moments of the last decisions.
-        primitives: [N] how many were taken.
+        primitives: [N] number of primitives.
 
     Returns:
         names of the world's strategies, joined by `+`; `at_once` if control is handed back without any primitive,

@@ -1,9 +1,9 @@
-"""Learn a recovery policy: rounds of PPO, evaluations on failures set apart, the best policy kept, runs that resume.
+"""Train a recovery policy: rounds of PPO, evaluations on held-out failures, the best policy, runs that resume.
 
-1. Evaluation during training uses failures that training never starts from, so that the best policy is chosen on what
-   it has not seen; it costs no budget and is reported on its own. At thesis scale it has 40 episodes, where the
+1. Evaluation during training uses failures that training never starts from, so that the best policy is selected on
+   held-out data; it costs no budget and is reported on its own. At thesis scale it has 40 episodes, where the
    author's has 20: these hardly tell a policy of 65 % from one of 75 %.
-2. A resumed run continues from weights, optimiser and counts; the episodes under way at the kill are lost.
+2. A resumed run continues from weights, optimiser and counts; unfinished episodes are lost.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from p2l.chaining.learner import ChainTask, Learner, no_failures
 from p2l.chaining.policy import NARROWEST, Card, Normalisation
 from p2l.chaining.pool import action_names, first_state
 from p2l.chaining.ppo import PoolPPO, PPOSettings
-from p2l.chaining.weights import exported, restore, tensors
+from p2l.chaining.weights import export_policy, restore, tensors
 from p2l.contracts.rows import Rows
 from p2l.errors import ConfigError
 from p2l.seeding import entropy, generator
@@ -42,7 +42,7 @@ class TrainSettings:
         evaluate_every: control steps between evaluations.
         episodes: of an evaluation.
         ppo: of the algorithm.
-        revisit: at most this share of the episodes goes on from earlier successes, in [0, 1], see `revisit`.
+        revisit: largest share of the episodes that start at earlier successes, in [0, 1], see `revisit`.
     """
 
     budget: int
@@ -63,22 +63,22 @@ class TrainSettings:
 
 @dataclass(frozen=True)
 class FailureSplit:
-    """Failures to learn from, and those of evaluations during training.
+    """Failures for training, and failures for evaluations during training.
 
     Attributes:
-        learnt: where episodes start.
-        apart: where evaluations start.
-        shared: the failures are too few to set some apart: evaluations start where learning does.
+        training: start states of training episodes.
+        evaluation: start states of evaluations.
+        overlap: the failures are too few to set some apart: evaluations start at failures of training.
     """
 
-    learnt: Rows
-    apart: Rows
-    shared: bool = False
+    training: Rows
+    evaluation: Rows
+    overlap: bool = False
 
     @property
     def set_apart(self) -> int:
-        """How many failures learning never meets."""
-        return 0 if self.shared else len(self.apart)
+        """Number of failures for evaluations alone."""
+        return 0 if self.overlap else len(self.evaluation)
 
 
 Report = Callable[[str, Mapping[str, float]], None]
@@ -94,19 +94,19 @@ def split(rows: Rows, episodes: int, seed: int, world: str) -> FailureSplit:
         raise no_failures(world)
     order = generator(seed, "chain_recoveries", world, "split").permutation(len(rows))
     if len(rows) < 5 * episodes:
-        return FailureSplit(rows, rows.take(order[np.arange(episodes) % len(rows)]), shared=True)
+        return FailureSplit(rows, rows.take(order[np.arange(episodes) % len(rows)]), overlap=True)
     return FailureSplit(rows.take(np.sort(order[episodes:])), rows.take(order[:episodes]))
 
 
-def apart_of(task: ChainTask, learner: Learner, parts: FailureSplit, episodes: int) -> Rows:
-    """Where evaluations during training start: failures set apart, or fresh start states for a whole task."""
+def evaluation_starts_of(task: ChainTask, learner: Learner, parts: FailureSplit, episodes: int) -> Rows:
+    """Start states of evaluations during training: failures set apart, or new start states for a whole task."""
     if not learner.whole_task:
-        return parts.apart
+        return parts.evaluation
     return task.world.sample(generator(task.seed, "chain_recoveries", task.world.name, "apart"), episodes)
 
 
 def summary(progress: Progress) -> dict[str, Any]:
-    """A finished run in plain numbers, the same on every machine; `times` tells what it took here."""
+    """Summary numbers of a completed run, the same on every machine; for wall times see `times`."""
     return {
         "control_steps": progress.control_steps,
         "evaluation_steps": sum(row["evaluation_steps"] for row in progress.evaluations),
@@ -119,13 +119,13 @@ def summary(progress: Progress) -> dict[str, Any]:
 
 
 def times(progress: Progress) -> dict[str, float]:
-    """Wall time of a run, s; learning alone has the speed `control_steps_per_s`."""
+    """Wall time of a run, s; `control_steps_per_s` is the speed without evaluations."""
     learning_s = max(progress.seconds - progress.evaluation_seconds, 1e-9)
     return {"seconds": progress.seconds, "control_steps_per_s": progress.control_steps / learning_s}
 
 
 def card_of(task: ChainTask, learner: Learner, name: str, config_hash: str, narrowest: float = NARROWEST) -> Card:
-    """The card of the policy to come; observations are standardised by what the episodes start with."""
+    """The card of the policy to train; observations are standardised over the start states of the episodes."""
     state = first_state(task.world, learner.starts, learner.limits)
     return Card(
         world=task.world.name,
@@ -143,31 +143,37 @@ def card_of(task: ChainTask, learner: Learner, name: str, config_hash: str, narr
 
 
 def train(
-    task: ChainTask, learner: Learner, apart: Rows, settings: TrainSettings, card: Card, folder: Path, report: Report
+    task: ChainTask,
+    learner: Learner,
+    evaluation_starts: Rows,
+    settings: TrainSettings,
+    card: Card,
+    folder: Path,
+    report: Report,
 ) -> Progress:
-    """Train until the budget is spent; leaves the best policy in `folder`.
+    """Train up to the budget; writes the best policy to `folder`.
 
     Args:
-        task: what for.
-        learner: how.
-        apart: where evaluations start.
+        task: of the policy.
+        learner: its MDP.
+        evaluation_starts: start states of evaluations.
         settings: budget and rhythm.
         card: of the policy, its `told` still empty.
         folder: for the policy and the checkpoint.
-        report: told `round` and `evaluation` rows as they come, with the wall time `seconds`; before them `resumed`
-            with a checkpoint's steps.
+        report: called with each `round` and each `evaluation` row, with the wall time `seconds`; before them, where a
+            checkpoint is resumed, with `resumed` and its control steps.
     """
     progress = load_checkpoint(folder, card) or Progress()
-    resumed = progress.control_steps
-    if resumed:
-        report("resumed", {"control_steps": resumed})
-    rng = generator(task.seed, "chain_recoveries", task.world.name, "starts", resumed)
+    steps_before = progress.control_steps
+    if steps_before:
+        report("resumed", {"control_steps": steps_before})
+    rng = generator(task.seed, "chain_recoveries", task.world.name, "starts", steps_before)
     pool = learner.pool(task, rng, settings.slots, settings.revisit)
-    seed = entropy(task.seed, "chain_recoveries", task.world.name, "ppo", resumed) & (2**32 - 1)
+    seed = entropy(task.seed, "chain_recoveries", task.world.name, "ppo", steps_before) & (2**32 - 1)
     model = PoolPPO(pool, settings.ppo, card.normalisation, seed, learner.shortcut)
     if progress.tensors:
         restore(model, progress)
-    watcher = _Watcher(task, learner, apart, settings, card, folder, report, progress)
+    watcher = _Watcher(task, learner, evaluation_starts, settings, card, folder, report, progress)
     torch.set_num_threads(1)  # the networks are small, and the simulator has threads of its own
     model.learn(settings.budget - model.num_timesteps, callback=watcher, log_interval=10**9, reset_num_timesteps=False)
     watcher.finish()
@@ -175,7 +181,7 @@ def train(
 
 
 class _Watcher(BaseCallback):
-    """After each round: what happened, sometimes an evaluation, the best policy, a checkpoint."""
+    """After each round: its counts; from time to time an evaluation, the best policy, a checkpoint."""
 
     model: PoolPPO
 
@@ -183,7 +189,7 @@ class _Watcher(BaseCallback):
         self,
         task: ChainTask,
         learner: Learner,
-        apart: Rows,
+        evaluation_starts: Rows,
         settings: TrainSettings,
         card: Card,
         folder: Path,
@@ -191,7 +197,7 @@ class _Watcher(BaseCallback):
         progress: Progress,
     ) -> None:
         super().__init__()
-        self._task, self._learner, self._apart = task, learner, apart
+        self._task, self._learner, self._evaluation_starts = task, learner, evaluation_starts
         self._settings, self._card, self._folder = settings, card, folder
         self._report, self._progress = report, progress
         self._since = time.perf_counter() - progress.seconds
@@ -207,7 +213,7 @@ class _Watcher(BaseCallback):
     def _on_rollout_end(self) -> None:
         one, progress = self.model.round, self._progress
         progress.control_steps = self.model.num_timesteps
-        chosen = {f"chosen:{name}": int(k) for name, k in zip(self.model.pool.actions, one.chosen, strict=True)}
+        counts = {f"chosen:{name}": int(k) for name, k in zip(self.model.pool.actions, one.action_counts, strict=True)}
         row: dict[str, float] = {
             "round": len(progress.rounds),
             "control_steps": progress.control_steps,
@@ -219,7 +225,7 @@ class _Watcher(BaseCallback):
             "settled": one.settled,
             "timeouts": self.model.pool.timeouts - self._timeouts,
         }
-        row |= {"reward": one.reward, **chosen}
+        row |= {"reward": one.reward, **counts}
         self._timeouts = self.model.pool.timeouts
         progress.rounds.append(row)
         self._report("round", {**row, "seconds": self._seconds()})
@@ -233,22 +239,24 @@ class _Watcher(BaseCallback):
             self._evaluate()
 
     def _evaluate(self) -> None:
-        progress, begun = self._progress, self._seconds()
-        policy = exported(self.model, self._card)
-        found = recover(self._task.world, self._task.nominal, agent_of(self._learner, policy.act), self._apart)
-        success = float(found.success.mean())
+        progress, start_s = self._progress, self._seconds()
+        policy = export_policy(self.model, self._card)
+        recoveries = recover(
+            self._task.world, self._task.nominal, agent_of(self._learner, policy.act), self._evaluation_starts
+        )
+        success = float(recoveries.success.mean())
         row: dict[str, float] = {
             "control_steps": self.model.num_timesteps,
             "success": success,
-            "episodes": len(found.success),
+            "episodes": len(recoveries.success),
         }
-        row["evaluation_steps"] = int(found.steps.sum())
+        row["evaluation_steps"] = int(recoveries.steps.sum())
         progress.evaluations.append(row)
-        progress.evaluation_seconds += self._seconds() - begun
-        if success >= progress.best:  # of equals the later one has seen more
+        progress.evaluation_seconds += self._seconds() - start_s
+        if success >= progress.best:  # of equals the later one has more training
             progress.best = success
-            told = {"control_steps": self.model.num_timesteps, "evaluation_success": success}
-            save_agent(self._folder, replace(policy, card=replace(self._card, told=told)), self._learner)
+            facts = {"control_steps": self.model.num_timesteps, "evaluation_success": success}
+            save_agent(self._folder, replace(policy, card=replace(self._card, told=facts)), self._learner)
         progress.tensors = tensors(self.model)
         progress.seconds = self._seconds()
         save_checkpoint(self._folder, progress, self._card)

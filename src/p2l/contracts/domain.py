@@ -42,14 +42,14 @@ class Tasks:
         put(self, "names", tuple(self.names))
         put(self, "features", freeze("features", self.features, ("M", "F"), sizes))
         put(self, "group", freeze("group", self.group, ("M",), sizes, np.int64))
-        kept: dict[str, npt.NDArray[Any]] = {}
+        payload: dict[str, npt.NDArray[Any]] = {}
         for name, value in self.payload.items():
             array = np.array(value, order="C")
             if array.ndim == 0 or array.shape[0] != len(self):
                 raise ShapeError(f"payload '{name}': has shape {array.shape}; expected {len(self)} rows, one per task")
             array.setflags(write=False)
-            kept[name] = array
-        put(self, "payload", MappingProxyType(kept))
+            payload[name] = array
+        put(self, "payload", MappingProxyType(payload))
 
     def __len__(self) -> int:
         return len(self.names)

@@ -1,4 +1,4 @@
-"""What is known at a moment, as arrays with named columns; two types that cannot be mixed up.
+"""The state of the world at a moment, as arrays with named columns; two types that cannot be mixed up.
 
 `Privileged` is the truth of the simulator: failure discovery, preconditions and labels may read it. `Observation` is
 what a deployed robot has: proprioception, noisy estimates, a thresholded force, the number of actions so far, and a
@@ -20,7 +20,7 @@ from p2l.records import Array
 
 
 @dataclass(frozen=True)
-class _Named:
+class _NamedColumns:
     """[N, C] values whose columns have names."""
 
     columns: Mapping[str, slice]
@@ -65,12 +65,12 @@ class _Named:
         return type(self)(self.columns, self.values[np.asarray(index)])
 
 
-class Privileged(_Named):
+class Privileged(_NamedColumns):
     """The simulator's truth."""
 
 
-class Observation(_Named):
-    """What a deployed policy may see."""
+class Observation(_NamedColumns):
+    """What a deployed policy observes."""
 
     @classmethod
     def stack(cls, history: Sequence[Observation]) -> Observation:

@@ -1,8 +1,8 @@
 """The contract of a nominal skill: an option with a precondition, a policy and a termination.
 
-An option is asked at every control step, for all rows that run it at once; what it must remember of a row lives in
+An option decides at every control step, for all rows that run it at once; what it must remember of a row lives in
 that row's memory, so rows come and go in any order. Options that differ only in what they put there may say so by
-equal attributes `decides_as`, and are then asked together. An option acts on observations only; its hand-written
+equal attributes `decides_as`, and then decide in one batch. An option acts on observations only; its hand-written
 precondition is judged on the truth (thesis, section 4.3.1: "not able to recover from it even if it could observe the
 true state").
 
@@ -53,8 +53,8 @@ class Option(Protocol):
     def precondition(self, truth: Privileged) -> BoolArray:
         """[N] hand-written initiation set."""
 
-    def begin(self, seen: Observation) -> Array:
+    def begin(self, observation: Observation) -> Array:
         """[N, m] memory at the start, from what is observed then."""
 
-    def decide(self, seen: Observation, memory: Array, step: IntArray) -> OptionStep:
+    def decide(self, observation: Observation, memory: Array, step: IntArray) -> OptionStep:
         """The next control step; `step` [N] counts those carried out since `begin`."""

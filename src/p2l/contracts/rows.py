@@ -1,4 +1,4 @@
-"""The moment of an execution that everything is a function of, and what the arm is asked for next.
+"""The state of an execution, which with the commands to come decides its future, and the command of a control step.
 
 Axis letters: N rows, S state columns, D sensor values, E estimated coordinates, M columns of a world's memory.
 """
@@ -24,7 +24,7 @@ class Rows:
         states: [N, S] rows of the engine.
         sensors: [N, D] last sensor values.
         model: [N] which of the engine's models each row uses.
-        noise: [N, K, E] unit normals of the state estimator, see `worlds.estimator`.
+        noise: [N, K, E] unit normals of the state estimator, see `contracts.estimator`.
         actions: [N] actions (options or primitives) finished so far.
         memory: [N, M] what the world's failure detectors remember, e.g. the pose of a box in the hand.
         grip: [N] last command to the fingers, 0 = open, 1 = closed.
@@ -63,13 +63,13 @@ class Rows:
         Raises:
             ShapeError: the fields do not have the same number of rows, or hold NaN.
         """
-        made = cls(**{field.name: np.array(arrays[field.name]) for field in fields(cls)})
-        counts = {name: len(value) for name, value in made.arrays().items()}
+        rows = cls(**{field.name: np.array(arrays[field.name]) for field in fields(cls)})
+        counts = {name: len(value) for name, value in rows.arrays().items()}
         if len(set(counts.values())) > 1:
             raise ShapeError(f"rows: the fields have different numbers of rows: {counts}")
-        if bad := [name for name, value in made.arrays().items() if not np.isfinite(value).all()]:
+        if bad := [name for name, value in rows.arrays().items() if not np.isfinite(value).all()]:
             raise ShapeError(f"rows: {', '.join(bad)} hold NaN or infinity")
-        return made
+        return rows
 
     @classmethod
     def join(cls, parts: Sequence[Rows]) -> Rows:
@@ -79,7 +79,7 @@ class Rows:
 
 @dataclass(frozen=True)
 class Command:
-    """What the arm is asked for during the next control step.
+    """The target of the hand for the next control step.
 
     Attributes:
         pos: [N, 3] of the grip site's target, world frame, m.

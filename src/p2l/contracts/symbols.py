@@ -1,6 +1,6 @@
 """What the skill graph needs to know of a world: a state in a few interpretable numbers, and where the hand is in it.
 
-A state is computed in the same way from the truth and from what the robot sees; the latter is the most likely state
+A state is computed in the same way from the truth and from the observation; the latter is the most likely state
 (thesis, section 4.1, "Acting under Uncertainty").
 
 Axis letters: N rows, D state columns.
@@ -29,11 +29,11 @@ class Symbols(Protocol):
     def far(self) -> Array:
         """[D] by how much a column may change before the state is another one; 0 where a motion does not decide it."""
 
-    def state(self, known: Privileged | Observation) -> Array:
+    def state(self, source: Privileged | Observation) -> Array:
         """[N, D]."""
 
-    def hand(self, known: Privileged | Observation, state: Array) -> tuple[Array, Array]:
+    def hand(self, source: Privileged | Observation, state: Array) -> tuple[Array, Array]:
         """Where the hand is if the rows' own objects are in `state` [N, D]: [N, 3] m, [N, 4]; world frame."""
 
-    def closed(self, state: Array) -> BoolArray:
+    def fingers_closed(self, state: Array) -> BoolArray:
         """[N] whether the fingers are closed in `state`."""

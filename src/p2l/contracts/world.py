@@ -46,7 +46,7 @@ class View:
 
 @runtime_checkable
 class World(Protocol):
-    """A distribution of start states, a physics, what is seen of it, and when it has failed or is done."""
+    """A distribution of start states, a physics, what is observed of it, failure detectors and a goal."""
 
     @property
     def name(self) -> str:
@@ -86,7 +86,7 @@ class World(Protocol):
         """The truth."""
 
     def observe(self, rows: Rows) -> Observation:
-        """What the robot sees; estimates err by `estimator`."""
+        """What the robot observes; estimates err by `estimator`."""
 
     def control(self, command: Command) -> Array:
         """[N, U] controls of the engine: stiffnesses and fingers."""
@@ -103,12 +103,12 @@ class World(Protocol):
     def nominal_options(self) -> tuple[Option, ...]:
         """The nominal chain π_1 … π_k, in order."""
 
-    def drawn(self, model: int) -> mujoco.MjModel:
-        """The twin of one of the engine's models that has visuals, for videos."""
+    def visual_model(self, model: int) -> mujoco.MjModel:
+        """One of the engine's models with its visual geoms, for videos."""
 
 
 @runtime_checkable
-class Described(Protocol):
+class Symbolic(Protocol):
     """A world with a skill graph (chapter 4)."""
 
     def symbols(self) -> Symbols:
@@ -137,7 +137,7 @@ def symbols_of(world: World) -> Symbols:
     Raises:
         ConfigError: it is not.
     """
-    if not isinstance(world, Described):
+    if not isinstance(world, Symbolic):
         raise ConfigError(f"world '{world.name}' has no symbols, so no skill graph: its class has no method `symbols`")
     return world.symbols()
 

@@ -10,13 +10,13 @@ from p2l.registry import Registry
 
 
 def _board() -> Callable[..., Domain]:
-    from p2l.domains.insertion.domain import board
+    from p2l.domains.insertion.factory import board
 
     return board
 
 
 def _insertion() -> Callable[..., Domain]:
-    from p2l.domains.insertion.domain import insertion
+    from p2l.domains.insertion.factory import insertion
 
     return insertion
 
@@ -43,4 +43,4 @@ def make_domain(name: str, params: Mapping[str, Any] | None = None) -> Domain:
         >>> len(lego.sample_set(np.random.default_rng(0), 10))
         10
     """
-    return DOMAINS.checked(name, params)(**dict(params or {}))
+    return DOMAINS.factory_for(name, params)(**dict(params or {}))

@@ -1,8 +1,8 @@
-"""Rows of the long tables that every chapter's results are told in.
+"""Rows of the long tables that hold every chapter's results.
 
-`mean` with `low` and `high` is an estimate and its 95 % interval, empty where there is none; `n` is how many samples
-went into it; `thesis` is the thesis's number, empty where it gives none. A `setting` is `name=value` pairs joined by
-`;`, and those with a `seed` tell of one training alone.
+`mean` with `low` and `high` is an estimate and its 95 % interval, empty where there is none; `n` is the number of its
+samples; `thesis` is the thesis's number, empty where it gives none. A `setting` is `name=value` pairs joined by `;`; a
+row with a `seed` is that of a single training.
 """
 
 from __future__ import annotations
@@ -42,6 +42,6 @@ def table_of(rows: Sequence[Row] | pd.DataFrame) -> pd.DataFrame:
     return table.astype({"mean": float, "low": float, "high": float, "n": int})
 
 
-def joined(*parts: str) -> str:
-    """A setting of those parts that say something."""
+def setting_of(*parts: str) -> str:
+    """The setting of those parts that are not empty."""
     return ";".join(part for part in parts if part)

@@ -1,4 +1,4 @@
-"""What stages leave for people and for later tables: tables as CSV, figures as PNG."""
+"""Tables as CSV and figures as PNG: what stages write for readers and for later tables."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class StageReport:
-    """What a stage tells besides its outputs: headline numbers, files, and paragraphs."""
+    """Headline numbers, files and notes of a stage, besides its outputs."""
 
     metrics: Mapping[str, float]
     files: Sequence[Path]
@@ -38,7 +38,7 @@ def save_sheets(out: Path, tables: Mapping[str, pd.DataFrame], figures: Mapping[
 
 
 def load_sheet(path: Path, columns: Sequence[str], advice: str) -> pd.DataFrame:
-    """Read a CSV that has at least `columns`; `advice` tells how to make it.
+    """Read a CSV that has at least `columns`; `advice` is the remedy in an error's message.
 
     Raises:
         ArtifactError: missing, unreadable, or without one of the columns.
@@ -52,6 +52,6 @@ def load_sheet(path: Path, columns: Sequence[str], advice: str) -> pd.DataFrame:
     return table
 
 
-def pooled(table: pd.DataFrame) -> pd.DataFrame:
-    """The rows over all seeds, of a table in which others end in `;seed=…` or go on from there."""
+def aggregates(table: pd.DataFrame) -> pd.DataFrame:
+    """The rows over all seeds; the settings of single seeds hold `;seed=…`."""
     return table[~table["setting"].str.contains(";seed=", regex=False)]

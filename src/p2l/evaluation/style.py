@@ -35,7 +35,7 @@ METHODS: dict[str, MethodStyle] = {
     "adl_any": MethodStyle("ADL, any order", "#56B4E9", "P"),
     "adl_true": MethodStyle("ADL, true transfer", "#555555", "X"),
 }
-COMPARED = ("adl", "ad", "cba", "cba_best", "alm")  # the thesis's five
+THESIS_METHODS = ("adl", "ad", "cba", "cba_best", "alm")  # in the thesis's comparison
 
 
 def png(figure: Figure, dpi: int = 150) -> bytes:
@@ -78,7 +78,7 @@ def label_ends(axes: Axes, ends: Sequence[tuple[float, float, str, str]], gap: f
         )
 
 
-def spread(wanted: Array, step: float) -> Array:
-    """Places at least `step` apart whose squared distance to the sorted `wanted` ones is smallest."""
-    ranks = step * np.arange(len(wanted))
-    return np.asarray(isotonic_regression(wanted - ranks).x + ranks, dtype=np.float64)
+def spread(targets: Array, step: float) -> Array:
+    """Places at least `step` apart whose squared distance to the sorted `targets` is smallest."""
+    ranks = step * np.arange(len(targets))
+    return np.asarray(isotonic_regression(targets - ranks).x + ranks, dtype=np.float64)

@@ -29,8 +29,8 @@ class Thesis:
     def beside(self, table: pd.DataFrame, item: str) -> pd.DataFrame:
         """`table` with a column `thesis`: the number of `item` for the same method, setting and metric, else NaN."""
         mine = self.numbers[self.numbers["item"] == item].set_index(KEYS)["value"]
-        wanted = pd.MultiIndex.from_frame(table[KEYS])
-        return table.assign(thesis=mine.reindex(wanted).to_numpy(dtype=float))
+        index = pd.MultiIndex.from_frame(table[KEYS])
+        return table.assign(thesis=mine.reindex(index).to_numpy(dtype=float))
 
     def value(self, item: str, method: str, setting: str, metric: str) -> float | None:
         """One number, or None where the thesis gives none."""

@@ -74,37 +74,37 @@ class ModeClassifier:
         """[K] |ρ_f| over their sum: how likely each mode is, given a failure."""
         return np.asarray(self.sizes / self.sizes.sum())
 
-    def features(self, known: Privileged | Observation) -> Array:
+    def features(self, source: Privileged | Observation) -> Array:
         """[N, F] in the units of `columns`; an observation must have the same fields."""
-        return features(known, self.fields)[1]
+        return features(source, self.fields)[1]
 
-    def probability(self, known: Privileged | Observation) -> Array:
+    def probability(self, source: Privileged | Observation) -> Array:
         """[N, K] probability of each mode; rows sum to 1."""
-        log = self._log_joint((self.features(known) - self.centre) / self.spread)
+        log = self._log_joint((self.features(source) - self.centre) / self.spread)
         return np.asarray(np.exp(log - logsumexp(log, axis=1, keepdims=True)))
 
-    def classify(self, known: Privileged | Observation) -> tuple[IntArray, Array]:
+    def classify(self, source: Privileged | Observation) -> tuple[IntArray, Array]:
         """[N] the most probable mode, and [N] its probability."""
-        probability = self.probability(known)
+        probability = self.probability(source)
         mode = probability.argmax(axis=1)
         return mode, probability[np.arange(len(mode)), mode]
 
-    def _log_joint(self, scaled: Array) -> Array:
-        """[N, K] log of weight × density."""
+    def _log_joint(self, zscores: Array) -> Array:
+        """[N, K] log of weight × density at standardised features [N, F]."""
         columns = []
         for weight, mean, covariance in zip(self.weights, self.means, self.covariances, strict=True):
             lower = np.linalg.cholesky(covariance)
-            away = solve_triangular(lower, (scaled - mean).T, lower=True)
+            away = solve_triangular(lower, (zscores - mean).T, lower=True)
             volume = np.log(np.diag(lower)).sum() + 0.5 * len(mean) * np.log(2.0 * np.pi)
             columns.append(np.log(weight) - volume - 0.5 * (away**2).sum(axis=0))
         return np.stack(columns, axis=1)
 
 
-def features(known: Privileged | Observation, names: Sequence[str]) -> tuple[tuple[str, ...], Array]:
+def features(source: Privileged | Observation, names: Sequence[str]) -> tuple[tuple[str, ...], Array]:
     """Columns by name, F of them, and their values [N, F].
 
     Args:
-        known: what is known.
+        source: the truth, or an observation.
         names: fields, or `one - other` for the difference of two.
 
     Raises:
@@ -114,26 +114,26 @@ def features(known: Privileged | Observation, names: Sequence[str]) -> tuple[tup
     values: list[Array] = []
     for name in names:
         one, _, other = (part.strip() for part in name.partition(" - "))
-        value = known[one]
+        value = source[one]
         if other:
-            if known[other].shape != value.shape:
-                raise ShapeError(f"mode field '{name}': {value.shape[1]} columns minus {known[other].shape[1]}")
-            value = value - known[other]
+            if source[other].shape != value.shape:
+                raise ShapeError(f"mode field '{name}': {value.shape[1]} columns minus {source[other].shape[1]}")
+            value = value - source[other]
         label = name if not other else f"{_plain(one)} from {_plain(other)}{_unit(one)}"
         columns += [label] if value.shape[1] == 1 else [f"{label}[{index}]" for index in range(value.shape[1])]
         values.append(value)
     return tuple(columns), np.concatenate(values, axis=1)
 
 
-def default_fields(known: Privileged | Observation) -> tuple[str, ...]:
+def default_fields(source: Privileged | Observation) -> tuple[str, ...]:
     """The hand relative to everything that has a position, and every field of one column that is not a flag."""
-    objects = [name for name in known.columns if name.endswith("_pos_m") and name not in _NOT_OBJECTS]
+    objects = [name for name in source.columns if name.endswith("_pos_m") and name not in _NOT_OBJECTS]
     single = [
         name
-        for name, where in known.columns.items()
+        for name, where in source.columns.items()
         if where.stop - where.start == 1 and name.endswith(("_m", "_rad")) and name not in objects
     ]
-    return (*(f"{HAND} - {name}" for name in objects if HAND in known.columns), *single)
+    return (*(f"{HAND} - {name}" for name in objects if HAND in source.columns), *single)
 
 
 def _plain(field: str) -> str:
@@ -146,9 +146,9 @@ def _unit(field: str) -> str:
 
 def save_modes(path: Path | str, modes: ModeClassifier) -> None:
     """Write a `.npz`."""
-    told = {name: getattr(modes, name) for name in ("world", "digest", "strategy", "fields", "columns")}
+    about = {name: getattr(modes, name) for name in ("world", "digest", "strategy", "fields", "columns")}
     names = ("centre", "spread", "weights", "means", "covariances", "sizes")
-    arrays = {name: getattr(modes, name) for name in names} | {"about": np.array(json.dumps(told, sort_keys=True))}
+    arrays = {name: getattr(modes, name) for name in names} | {"about": np.array(json.dumps(about, sort_keys=True))}
     save_arrays(path, arrays, schema=SCHEMA, version=VERSION)
 
 
@@ -159,11 +159,11 @@ def load_modes(path: Path | str, world: World) -> ModeClassifier:
         ArtifactError: missing, damaged, of another version, or of another world.
     """
     arrays = load_arrays(path, schema=SCHEMA, version=VERSION)
-    told: dict[str, Any] = json.loads(str(arrays.pop("about")))
-    if (told["world"], told["digest"]) != (world.name, world.digest):
+    about: dict[str, Any] = json.loads(str(arrays.pop("about")))
+    if (about["world"], about["digest"]) != (world.name, world.digest):
         raise ArtifactError(
-            f"{path}: modes of world '{told['world']}' ({told['digest']}), not of '{world.name}' ({world.digest}); "
+            f"{path}: modes of world '{about['world']}' ({about['digest']}), not of '{world.name}' ({world.digest}); "
             "run `python -m stages.cluster` again"
         )
-    told |= {"fields": tuple(told["fields"]), "columns": tuple(told["columns"])} | arrays
-    return ModeClassifier(**told)
+    about |= {"fields": tuple(about["fields"]), "columns": tuple(about["columns"])} | arrays
+    return ModeClassifier(**about)

@@ -84,12 +84,12 @@ def cluster(world: World, failures: Failures, options: ClusterOptions, seed: int
     columns, values = features(failures.truth, fields)
     centre, spread = values.mean(axis=0), values.std(axis=0)
     spread[spread < 1e-9] = 1.0
-    scaled = (values - centre) / spread
+    zscores = (values - centre) / spread
     numbers = [options.modes] if options.modes else range(1, min(options.max_modes, len(failures)) + 1)
-    fits = {number: _fit(scaled, number, options, seed) for number in numbers}
-    bic = {number: float(fit.bic(scaled)) for number, fit in fits.items()}
+    fits = {number: _fit(zscores, number, options, seed) for number in numbers}
+    bic = {number: float(fit.bic(zscores)) for number, fit in fits.items()}
     fit = fits[min(bic, key=bic.__getitem__)]
-    mode = fit.predict(scaled)
+    mode = fit.predict(zscores)
     order, sizes = _by_size(mode, fit.means_)
     modes = ModeClassifier(
         world=world.name,
@@ -110,27 +110,27 @@ def cluster(world: World, failures: Failures, options: ClusterOptions, seed: int
 def typical(clustering: Clustering, failures: Failures) -> IntArray:
     """[K] index of the member nearest to each mode's mean, in standardised features; ties go to the first."""
     modes = clustering.modes
-    scaled = (modes.features(failures.truth) - modes.centre) / modes.spread
-    away = np.linalg.norm(scaled[:, None] - modes.means, axis=2)
+    zscores = (modes.features(failures.truth) - modes.centre) / modes.spread
+    away = np.linalg.norm(zscores[:, None] - modes.means, axis=2)
     away[clustering.mode[:, None] != np.arange(len(modes))] = np.inf
     return np.asarray(away.argmin(axis=0))
 
 
 def _check(failures: Failures, options: ClusterOptions) -> None:
-    told = f"{failures.origin.executions} executions of '{failures.origin.world}' ({failures.origin.strategy})"
+    executions = f"{failures.origin.executions} executions of '{failures.origin.world}' ({failures.origin.strategy})"
     if not len(failures):
         raise ArtifactError(
-            f"no failure in {told}: there is nothing to group. Discover with more executions, or more noise "
+            f"no failure in {executions}: there is nothing to group. Discover with more executions, or more noise "
             "(`world.params.sigma_m`)"
         )
     if options.modes and options.modes > len(failures):
         raise ConfigError(
-            f"{len(failures)} failures in {told} cannot make {options.modes} modes; ask for at most {len(failures)}, "
-            "let BIC choose (null), or discover with more executions"
+            f"{len(failures)} failures in {executions} cannot make {options.modes} modes; ask for at most "
+            f"{len(failures)}, let BIC choose (null), or discover with more executions"
         )
 
 
-def _fit(scaled: Array, number: int, options: ClusterOptions, seed: int) -> GaussianMixture:
+def _fit(zscores: Array, number: int, options: ClusterOptions, seed: int) -> GaussianMixture:
     mixture = GaussianMixture(
         number,
         covariance_type=options.covariance,
@@ -142,7 +142,7 @@ def _fit(scaled: Array, number: int, options: ClusterOptions, seed: int) -> Gaus
     # One thread: the matrices are small, and sums do not depend on the machine's number of cores.
     with warnings.catch_warnings(), threadpool_limits(1):
         warnings.filterwarnings("ignore", "Number of distinct clusters")  # what they leave empty is no mode
-        return mixture.fit(scaled if len(scaled) > 1 else np.repeat(scaled, 2, axis=0))
+        return mixture.fit(zscores if len(zscores) > 1 else np.repeat(zscores, 2, axis=0))
 
 
 def _by_size(mode: IntArray, means: Array) -> tuple[IntArray, IntArray]:

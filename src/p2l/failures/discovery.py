@@ -34,8 +34,8 @@ log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
-class Found:
-    """What a split of discovery found.
+class Discovery:
+    """One split of discovery.
 
     Attributes:
         failures: N of them.
@@ -54,7 +54,7 @@ def discover(
     *,
     slots: int = 64,
     progress: Progress | None = None,
-) -> Found:
+) -> Discovery:
     """Run one episode from each of `starts` by the strategy of `origin`, and keep the failures.
 
     Args:
@@ -63,11 +63,11 @@ def discover(
         starts: start states.
         origin: names the strategy; goes into the record.
         slots: episodes at once.
-        progress: told the number of episodes finished since the last call.
+        progress: called with the number of episodes finished since the last call.
     """
     execution = _run(world, options, starts, origin, slots=slots, progress=progress)
-    moments = execution.ends.take(_failed(world, options, execution, origin.strategy))
-    return Found(_record(world, starts, moments, origin), execution)
+    moments = execution.ends.take(_is_failure(world, options, execution, origin.strategy))
+    return Discovery(_record(world, starts, moments, origin), execution)
 
 
 def replay(world: World, options: Sequence[Option], failures: Failures) -> list[Rows]:
@@ -78,11 +78,11 @@ def replay(world: World, options: Sequence[Option], failures: Failures) -> list[
     path = _Path(failures.start)
     _run(world, options, failures.start, failures.origin, slots=len(failures), watch=path.watch)
     for index, step in enumerate(failures.step.tolist()):
-        recorded = failures.rows.take([index])
+        moment = failures.rows.take([index])
         again = path.rows[index].get(step)
-        if again is None or not np.array_equal(again.states, recorded.states):
+        if again is None or not np.array_equal(again.states, moment.states):
             log.warning("failure of episode %d: the replay ends elsewhere than recorded", failures.episode[index])
-        path.rows[index][step] = recorded
+        path.rows[index][step] = moment
     return [path.until(index, int(step)) for index, step in enumerate(failures.step)]
 
 
@@ -94,7 +94,7 @@ def nominal_run(world: World, options: Sequence[Option], start: Rows) -> tuple[R
 
 
 class _Path:
-    """Rows by control step of a few episodes, as `chain.run` tells them."""
+    """Rows by control step of a few episodes, as `chain.run` reports them."""
 
     def __init__(self, start: Rows) -> None:
         self.rows: list[dict[int, Rows]] = [{0: start.take([index])} for index in range(len(start))]
@@ -140,24 +140,24 @@ def _run(
 def nearest_goal(world: World, options: Sequence[Option], max_options: int) -> Choose:
     """The last option of the chain whose precondition holds on the truth; the end if none does or the task is done."""
 
-    def choose(ended: Moments) -> IntArray:
-        ready = _ready(world, options, ended.rows)
+    def choose(moments: Moments) -> IntArray:
+        ready = _ready(world, options, moments.rows)
         last = ready.shape[1] - 1 - np.argmax(ready[:, ::-1], axis=1)
-        over = ~ready.any(axis=1) | world.goal(ended.rows) | (ended.rows.actions >= max_options)
+        over = ~ready.any(axis=1) | world.goal(moments.rows) | (moments.rows.actions >= max_options)
         return np.where(over, FINISH, last)
 
     return choose
 
 
-def _failed(world: World, options: Sequence[Option], execution: Execution, strategy: str) -> BoolArray:
-    """[K] which of the options' ends are failures."""
+def _is_failure(world: World, options: Sequence[Option], execution: Execution, strategy: str) -> BoolArray:
+    """[K] of the options' ends: whether it is a failure."""
     ends = execution.ends
     sound = ~execution.diverged[ends.episode]
     if strategy == "first_flag":
-        return np.asarray(sound & (ends.reason == Reason.FAILED))
-    found = np.zeros(len(ends), dtype=np.bool_)
-    found[sound] = stranded(world, options, ends.rows.take(sound))
-    return found
+        return np.asarray(sound & (ends.reason == Reason.FAILURE))
+    failure = np.zeros(len(ends), dtype=np.bool_)
+    failure[sound] = stranded(world, options, ends.rows.take(sound))
+    return failure
 
 
 def _record(world: World, starts: Rows, moments: Moments, origin: Origin) -> Failures:

@@ -70,7 +70,7 @@ def group_failures(
         ArtifactError: there is no failure, or preconditions of another world.
         ConfigError: fewer failures than modes, or a world without symbols.
     """
-    train_index, held_out_index = (_grouped(world, failures, preconditions) for failures in (train, held_out))
+    train_index, held_out_index = (_index(world, failures, preconditions) for failures in (train, held_out))
     train, held_out = train.take(train_index), held_out.take(held_out_index)
     clustering = cluster(world, train, options, seed)
     members = typical(clustering, train)
@@ -78,7 +78,7 @@ def group_failures(
     return Grouping(train, held_out, train_index, held_out_index, clustering, members, mode, probability)
 
 
-def _grouped(world: World, failures: Failures, preconditions: Path | None) -> IntArray:
+def _index(world: World, failures: Failures, preconditions: Path | None) -> IntArray:
     """Index of the failures to group."""
     if preconditions is None:
         return np.arange(len(failures))

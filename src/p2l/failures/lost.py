@@ -23,10 +23,10 @@ def lost(world: World, symbols: Symbols, preconditions: Preconditions, failures:
         ArtifactError: there is none.
     """
     states = symbols.state(world.privileged(failures.rows))
-    found = np.flatnonzero(~preconditions.holds(states, world.goal(failures.rows)).any(axis=1))
-    if not len(found):
+    index = np.flatnonzero(~preconditions.holds(states, world.goal(failures.rows)).any(axis=1))
+    if not len(index):
         raise ArtifactError(
             f"no failure ({failures.origin.split}): in each of {len(failures)} states a learnt precondition holds; "
             "discover with more executions, or fit the preconditions with more samples"
         )
-    return found
+    return index

@@ -1,4 +1,4 @@
-"""What discovery leaves: moments of failure, complete enough to go on from, with what the robot and the simulator knew.
+"""Moments of failure, complete enough to go on from, each with the simulator's truth and the robot's observation.
 
 Axis letters: N failures. Training and held-out failures are two records with different seeds; a record holds one
 split and says which, so that the two are never mixed.
@@ -28,7 +28,7 @@ SCHEMA, VERSION = "failures", 1
 SPLITS = ("train", "held_out")
 STRANDED = "stranded"  # no detector spoke: no option can start here, and the task is not done
 _COUNTS = ("option", "kind", "step", "episode")
-NamedT = TypeVar("NamedT", Privileged, Observation)
+ColumnsT = TypeVar("ColumnsT", Privileged, Observation)
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Origin:
 
     Attributes:
         world: registered name, or target of a world that is not ours.
-        params: what the world is made with, plain values; the strategy's estimator among them.
+        params: of the world, plain values; the strategy's estimator among them.
         digest: of the world; a row of another digest means something else.
         strategy: of discovery.
         split: one of `SPLITS`.
@@ -93,8 +93,8 @@ class Failures:
         for name in _COUNTS:
             object.__setattr__(self, name, freeze(name, getattr(self, name), ("N",), sizes, np.int64, low=0))
         object.__setattr__(self, "time_s", freeze("time_s", self.time_s, ("N",), sizes, low=0.0))
-        for name, known in (("truth", self.truth), ("seen", self.seen)):
-            freeze(name, known.values, ("N", "C"), {"N": sizes["N"]})
+        for name, source in (("truth", self.truth), ("seen", self.seen)):
+            freeze(name, source.values, ("N", "C"), {"N": sizes["N"]})
         if len(self.start) != sizes["N"]:
             raise ShapeError(f"failures: {len(self.start)} starts of {sizes['N']} failures")
         for name, names in (("option", self.origin.options), ("kind", self.origin.kinds)):
@@ -106,14 +106,14 @@ class Failures:
 
     def take(self, index: IntArray | BoolArray | Sequence[int]) -> Failures:
         """The failures of `index`."""
-        given = np.asarray(index)
-        where = given if given.dtype == np.bool_ else given.astype(np.int64)  # an empty list has no integers
+        where = np.asarray(index)
+        where = where if where.dtype == np.bool_ else where.astype(np.int64)  # an empty list has no integers
         parts: dict[str, Any] = {field.name: getattr(self, field.name) for field in fields(self)}
         origin = parts.pop("origin")
-        taken: dict[str, Any] = {
+        rest: dict[str, Any] = {
             name: part[where] if isinstance(part, np.ndarray) else part.take(where) for name, part in parts.items()
         }
-        return Failures(origin, **taken)
+        return Failures(origin, **rest)
 
     def kind_names(self) -> list[str]:
         """[N] names of the kinds."""
@@ -130,10 +130,10 @@ def save_failures(path: Path | str, failures: Failures) -> None:
     for name in ("start", "rows"):
         arrays |= {f"{name}.{key}": value for key, value in getattr(failures, name).arrays().items()}
     for name in ("truth", "seen"):
-        known: Privileged | Observation = getattr(failures, name)
-        arrays[f"{name}.values"] = known.values
-        arrays[f"{name}.fields"] = np.array(list(known.columns))
-        arrays[f"{name}.widths"] = np.array([where.stop - where.start for where in known.columns.values()])
+        source: Privileged | Observation = getattr(failures, name)
+        arrays[f"{name}.values"] = source.values
+        arrays[f"{name}.fields"] = np.array(list(source.columns))
+        arrays[f"{name}.widths"] = np.array([where.stop - where.start for where in source.columns.values()])
     arrays |= {name: getattr(failures, name) for name in (*_COUNTS, "time_s")}
     save_arrays(path, arrays, schema=SCHEMA, version=VERSION)
 
@@ -149,17 +149,17 @@ def load_failures(path: Path | str, split: str | None = None) -> Failures:
         ArtifactError: missing, truncated, damaged, of another version, or of the other split.
     """
     arrays = load_arrays(path, schema=SCHEMA, version=VERSION)
-    told = json.loads(str(arrays["origin"]))
-    origin = Origin(**{**told, "options": tuple(told["options"]), "kinds": tuple(told["kinds"])})
+    content = json.loads(str(arrays["origin"]))
+    origin = Origin(**{**content, "options": tuple(content["options"]), "kinds": tuple(content["kinds"])})
     if split is not None and origin.split != split:
         raise ArtifactError(f"{path}: holds the failures of split '{origin.split}'; expected '{split}'")
     rows: dict[str, Any] = {
         name: Rows.from_arrays({key[len(name) + 1 :]: arrays[key] for key in arrays if key.startswith(f"{name}.")})
         for name in ("start", "rows")
     }
-    truth, seen = _named(Privileged, arrays, "truth"), _named(Observation, arrays, "seen")
+    truth, observation = _columns(Privileged, arrays, "truth"), _columns(Observation, arrays, "seen")
     rest: dict[str, Any] = {name: arrays[name] for name in (*_COUNTS, "time_s")}
-    return Failures(origin, truth=truth, seen=seen, **rows, **rest)
+    return Failures(origin, truth=truth, seen=observation, **rows, **rest)
 
 
 def open_world(failures: Failures, path: Path | str, nthread: int | None = None) -> tuple[World, tuple[Option, ...]]:
@@ -204,8 +204,10 @@ def check_params(failures: Failures, world: str, params: Mapping[str, Any], path
         raise ArtifactError(f"{path}: holds failures of world '{origin.world}'; expected those of '{world}'")
     names = sorted(({*params} | {*origin.params}) - {"estimator", "nthread"})
     if unlike := [name for name in names if params.get(name) != origin.params.get(name)]:
-        told = "; ".join(f"{name} = {origin.params.get(name)}, not {params.get(name)}" for name in unlike)
-        raise ArtifactError(f"{path}: found in another variant of world '{world}' ({told}); discover them for this one")
+        differences = "; ".join(f"{name} = {origin.params.get(name)}, not {params.get(name)}" for name in unlike)
+        raise ArtifactError(
+            f"{path}: found in another variant of world '{world}' ({differences}); discover them for this one"
+        )
 
 
 def check_pair(train: Failures, held_out: Failures, path: Path | str) -> None:
@@ -235,7 +237,7 @@ def check_world(failures: Failures, world: World, path: Path | str) -> None:
         )
 
 
-def _named(kind: type[NamedT], arrays: Mapping[str, npt.NDArray[Any]], name: str) -> NamedT:
+def _columns(kind: type[ColumnsT], arrays: Mapping[str, npt.NDArray[Any]], name: str) -> ColumnsT:
     names = [str(field) for field in arrays[f"{name}.fields"]]
     edges = [0, *(int(edge) for edge in np.cumsum(arrays[f"{name}.widths"]))]
     columns = {field: slice(*edges[place : place + 2]) for place, field in enumerate(names)}

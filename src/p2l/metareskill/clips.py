@@ -1,4 +1,4 @@
-"""Executions to be looked at: the way into a failure mode, and what the robot does there with all it has learnt.
+"""Executions to be looked at: the way into a failure mode, and what the robot does there with its recoveries.
 
 The failure is a held-out one, the most typical of its mode among those that training could have met. What follows is
 what the robot does there knowing the state: recoveries and nominal skills, to the goal or to where it gives up.
@@ -20,7 +20,7 @@ from p2l.metareskill.strategies import Playbook, playbook
 from p2l.records import BoolArray, IntArray
 from p2l.seeding import generator
 from p2l.skills.chain import FINISH, Moments, run
-from p2l.skills.execute import known_exactly
+from p2l.skills.execute import without_noise
 
 
 @dataclass(frozen=True)
@@ -31,8 +31,8 @@ class ModeClips:
         modes: numbers of the modes.
         kinds: what failed, in words.
         before: the way to the failure, a row per control step.
-        after: from there, with what was learnt; the failure alone where the robot gives up at once.
-        skills: names of what was executed after it.
+        after: from there, with the recoveries; the failure alone where the robot gives up at once.
+        skills: names of the skills executed after it.
         solved: whether the goal was reached.
     """
 
@@ -52,14 +52,14 @@ def mode_clips(setting: Setting, failures: Failures, recoveries: Recoveries) -> 
         failures: held out.
         recoveries: learnt.
     """
-    modes, chosen = _typical(setting, failures)
+    modes, typical = _typical(setting, failures)
     world = setting.task.world
-    kinds = zip(chosen.kind_names(), chosen.option_names(), strict=True)
-    after, skills, solved = _ways_out(setting, chosen, recoveries)
+    kinds = zip(typical.kind_names(), typical.option_names(), strict=True)
+    after, skills, solved = _ways_out(setting, typical, recoveries)
     return ModeClips(
         modes=tuple(modes.tolist()),
         kinds=tuple(f"{kind} in {option}" for kind, option in kinds),
-        before=replay(world, world.nominal_options(), chosen),
+        before=replay(world, world.nominal_options(), typical),
         after=after,
         skills=skills,
         solved=tuple(solved.tolist()),
@@ -88,27 +88,27 @@ def _ways_out(
         graph, timing, modes = recoveries.graph, recoveries.timing, setting.modes
         return playbook("recoveries", task, nominal, graph, timing, rng, modes=modes, skills=skills, max_options=limit)
 
-    rows = known_exactly(failures.rows)
+    rows = without_noise(failures.rows)
     count = len(rows)
     nothing = np.zeros(count, dtype=np.int64)
-    ended = Moments(np.arange(count), rows, failures.option, nothing, nothing - 1, nothing, nothing, np.zeros(count))
-    first, found = book().choose(ended), book()  # one that remembers the episodes as they are numbered in its run
+    moments = Moments(np.arange(count), rows, failures.option, nothing, nothing - 1, nothing, nothing, np.zeros(count))
+    first, policy = book().choose(moments), book()  # one that remembers the episodes as they are numbered in its run
     going = np.flatnonzero(first != FINISH)
     paths = [[rows.take([index])] for index in range(count)]
-    told: list[list[str]] = [[] for _ in range(count)]
+    names: list[list[str]] = [[] for _ in range(count)]
     solved = np.zeros(count, dtype=np.bool_)
     if not len(going):
-        return [Rows.join(path) for path in paths], told, solved
+        return [Rows.join(path) for path in paths], names, solved
 
     def watch(episode: IntArray, _step: IntArray, now: Rows) -> None:
         for place, index in enumerate(episode.tolist()):
             paths[going[index]].append(now.take([place]))
 
-    made = run(
-        task.world, found.options, rows.take(going), first=first[going], choose=found.choose, stop_on_failure=False,
+    execution = run(
+        task.world, policy.options, rows.take(going), first=first[going], choose=policy.choose, stop_on_failure=False,
         slots=len(going), watch=watch,
     )  # fmt: skip
-    for episode, option in zip(made.ends.episode.tolist(), made.ends.option.tolist(), strict=True):
-        told[going[episode]].append(found.options[option].name)
-    solved[going] = made.success
-    return [Rows.join(path) for path in paths], told, solved
+    for episode, option in zip(execution.ends.episode.tolist(), execution.ends.option.tolist(), strict=True):
+        names[going[episode]].append(policy.options[option].name)
+    solved[going] = execution.success
+    return [Rows.join(path) for path in paths], names, solved

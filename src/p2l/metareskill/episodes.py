@@ -25,7 +25,7 @@ from p2l.failures.classifier import ModeClassifier
 from p2l.ledger import Item, find, write
 from p2l.metareskill.record import Recoveries, preconditions_hash, recoveries_hash
 from p2l.metareskill.strategies import playbook
-from p2l.metareskill.strategy_names import LEARNT, OPEN_LOOP
+from p2l.metareskill.strategy_names import OPEN_LOOP, RECOVERIES
 from p2l.metareskill.target import RecoveryTask
 from p2l.seeding import generator
 from p2l.skills.chain import Execution, run
@@ -42,7 +42,7 @@ class Place:
         name: of the items' records.
         setting: for the tables, see `p2l.evaluation.metareskill.tables`.
         world: with its estimator; its rows are where episodes start.
-        task: what the strategies see of it; its world is another one where robosuite simulates.
+        task: its symbols and preconditions; its world is another one where robosuite simulates.
         nominal: K options.
         episodes: N for each seed.
         slots: episodes at once.
@@ -92,20 +92,20 @@ def episodes(
         seed: of the start states and of the recoveries.
         modes: the failure classifier.
         recoveries: of that seed.
-        progress: told how many episodes were finished since its last call.
+        progress: called with the number of episodes finished since its last call.
 
     Returns:
         `place, setting, method, seed, episode, success, path_m, options, recoveries, diverged`, a row per episode;
         `options` were executed in it, `recoveries` of them were none of the nominal ones.
     """
     item = Item(place.name, strategy, seed, 0, _identity(book, place, strategy, seed, recoveries))
-    if (known := find(book.records, item)) is None:
-        begun = time.perf_counter()
-        known = _content(_execute(book, place, strategy, seed, modes, recoveries, progress), len(place.nominal))
-        write(book.records, item, known, seconds=time.perf_counter() - begun)
+    if (record := find(book.records, item)) is None:
+        start = time.perf_counter()
+        record = _content(_execute(book, place, strategy, seed, modes, recoveries, progress), len(place.nominal))
+        write(book.records, item, record, seconds=time.perf_counter() - start)
     elif progress is not None:
         progress(place.episodes)
-    table = pd.DataFrame(known["episodes"]).astype({"success": bool, "diverged": bool, "path_m": float})
+    table = pd.DataFrame(record["episodes"]).astype({"success": bool, "diverged": bool, "path_m": float})
     columns = ["place", "setting", "method", "seed", "episode", *table.columns]
     table = table.assign(place=place.name, setting=place.setting, method=strategy)
     return table.assign(seed=seed, episode=np.arange(len(table)))[columns]
@@ -120,7 +120,7 @@ def gather(
     report: Callable[[pd.DataFrame], None],
     progress: Callable[[int], None] | None = None,
 ) -> pd.DataFrame:
-    """All items of one seed, for places with their strategies; `report` is told each one's episodes."""
+    """All items of one seed, for places with their strategies; `report` gets each one's episodes."""
     tables = []
     for place, strategies in places:
         for strategy in strategies:
@@ -140,7 +140,7 @@ def _execute(
 ) -> Execution:
     path = "evaluate_recoveries", place.world.name
     starts = place.world.sample(generator(book.seed, *path, "starts", seed), place.episodes)
-    found = playbook(
+    policy = playbook(
         strategy,
         place.task,
         place.nominal,
@@ -154,9 +154,9 @@ def _execute(
     adopt = getattr(place.task.world, "adopt", lambda rows: rows)  # robosuite's rows have one more column of memory
     return run(
         place.task.world,
-        found.options,
+        policy.options,
         adopt(starts),
-        choose=found.choose,
+        choose=policy.choose,
         stop_on_failure=False,  # chapter 4 knows no detectors, only preconditions
         slots=place.slots,
         progress=progress,
@@ -177,7 +177,7 @@ def _content(execution: Execution, nominal: int) -> dict[str, Any]:
 
 
 def _identity(book: EpisodeLedger, place: Place, strategy: str, seed: int, recoveries: Recoveries) -> str:
-    """Hash of all that decides an item; heuristics are no function of what was learnt."""
+    """Hash of all that decides an item; heuristics are no function of the recoveries."""
     graph = recoveries.graph
     decisive: list[Any] = [
         VERSION,
@@ -193,6 +193,6 @@ def _identity(book: EpisodeLedger, place: Place, strategy: str, seed: int, recov
     if strategy != OPEN_LOOP:
         rewards = [graph.skill_reward, graph.recovery_reward, graph.c_fail]
         decisive += [book.max_options, preconditions_hash(place.task.preconditions), str(recoveries.timing), *rewards]
-    if strategy == LEARNT:
+    if strategy == RECOVERIES:
         decisive += [recoveries.modes, recoveries_hash(recoveries), POLICY]
     return config_hash(decisive)

@@ -21,7 +21,7 @@ class Trained:
 
     Attributes:
         q: success rate on held-out failures of the mode.
-        trials: held-out failures behind it; 0 if it is known otherwise.
+        trials: held-out failures behind it; 0 if it was not measured.
         solved: the query found a recovery for its own failure state.
     """
 
@@ -117,8 +117,8 @@ class History:
         return np.array([each.mode * width + each.target for each in self.rounds], dtype=np.int64)
 
     @cached_property
-    def trained(self) -> IntArray:
-        """[I, M] rounds that each recovery got."""
+    def counts(self) -> IntArray:
+        """[I, M] rounds of training of each recovery."""
         return np.bincount(self.pairs, minlength=self.initial.size).reshape(self.initial.shape)
 
     @cached_property
@@ -158,7 +158,7 @@ class History:
 
 
 def table(history: History, targets: Sequence[str] | None = None) -> list[dict[str, Any]]:
-    """One row per round: what was chosen and why, and what was predicted of it against what it brought.
+    """One row per round: the recovery and the reason for it, the prediction and the outcome.
 
     Args:
         history: the rounds.
@@ -173,5 +173,4 @@ def table(history: History, targets: Sequence[str] | None = None) -> list[dict[s
 
 def hopeless(history: History) -> IntArray:
     """The modes all of whose recoveries were trained and never succeeded: their value stays at −c_fail."""
-    tried = (history.trained > 0).all(axis=1)
-    return np.flatnonzero(tried & (history.best == 0.0).all(axis=1))
+    return np.flatnonzero((history.counts > 0).all(axis=1) & (history.best == 0.0).all(axis=1))

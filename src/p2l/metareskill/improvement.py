@@ -46,11 +46,11 @@ def quantile(confidence: float, count: IntArray) -> Array:
 def improvement(history: History, *, window: int, confidence: float) -> Improvement:
     """Limits of all recoveries from their last `window` forward differences."""
     differences = history.last_differences(window)
-    known = np.isfinite(differences)
-    count = known.sum(axis=-1)
-    given = np.where(known, differences, 0.0)
-    mean = given.sum(axis=-1) / np.maximum(count, 1)
-    squares = (np.where(known, given - mean[..., None], 0.0) ** 2).sum(axis=-1)
+    finite = np.isfinite(differences)
+    count = finite.sum(axis=-1)
+    values = np.where(finite, differences, 0.0)
+    mean = values.sum(axis=-1) / np.maximum(count, 1)
+    squares = (np.where(finite, values - mean[..., None], 0.0) ** 2).sum(axis=-1)
     enough = np.maximum(count, 2)
     error = np.sqrt(squares / (enough - 1) / enough)
     upper = np.where(count >= 2, mean + quantile(confidence, enough) * error, np.inf)

@@ -21,7 +21,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Files:
-    """What the stages before have left.
+    """Artifacts of the stages before.
 
     Attributes:
         failures: to train from.
@@ -38,7 +38,7 @@ class Files:
 
 @dataclass(frozen=True)
 class Inputs:
-    """Everything that all seeds and choosers share, and the failures as they were recorded."""
+    """Everything that all seeds and choosers share, and all recorded failures."""
 
     setting: Setting
     train: Failures
@@ -75,9 +75,11 @@ def open_inputs(
     there, _ = open_world(train, files.failures)
     modes = load_modes(files.modes, there)
     task = RecoveryTask(there, symbols_of(there), load_preconditions(files.preconditions, there))
-    failures, dropped = members(task, train, modes)
-    tests, dropped_tests = members(task, held_out, modes)
-    if dropped + dropped_tests:
-        log.info("left out, since a learnt precondition holds: %d and %d held-out failures", dropped, dropped_tests)
+    failures, exclusions = members(task, train, modes)
+    tests, test_exclusions = members(task, held_out, modes)
+    if exclusions + test_exclusions:
+        log.info(
+            "left out, since a learnt precondition holds: %d and %d held-out failures", exclusions, test_exclusions
+        )
     graph = start_graph(task, failures, modes, rewards)
     return Inputs(Setting(task, modes, failures, tests, graph, options, trials, residual), train, held_out)

@@ -45,13 +45,13 @@ def members(task: RecoveryTask, failures: Failures, modes: ModeClassifier) -> tu
     Raises:
         ArtifactError: none is left.
     """
-    where = lost(task.world, task.symbols, task.preconditions, failures)
-    kept = failures.take(where)
-    return Members(kept.rows, modes.classify(kept.truth)[0]), len(failures) - len(where)
+    index = lost(task.world, task.symbols, task.preconditions, failures)
+    selection = failures.take(index)
+    return Members(selection.rows, modes.classify(selection.truth)[0]), len(failures) - len(index)
 
 
 def start_graph(task: RecoveryTask, failures: Members, modes: ModeClassifier, rewards: Rewards) -> SkillGraph:
-    """The graph before any training: nominal skills as measured, modes as large as found, no recovery succeeds.
+    """The graph before any training: nominal skills as measured, modes with their sizes, no recovery succeeds.
 
     Raises:
         ArtifactError: a mode has no failure to train from.
@@ -91,8 +91,8 @@ class Setting:
     residual: bool = True
 
     def __post_init__(self) -> None:
-        found = np.bincount(self.held_out.mode, minlength=len(self.graph.sizes))
-        if empty := np.flatnonzero(found == 0).tolist():
+        sizes = np.bincount(self.held_out.mode, minlength=len(self.graph.sizes))
+        if empty := np.flatnonzero(sizes == 0).tolist():
             raise ArtifactError(
                 f"failure modes {empty} have no held-out failure, so their recoveries cannot be measured; "
                 "discover with more held-out executions (`executions.held_out`), or cluster into fewer modes"
@@ -107,14 +107,14 @@ class Setting:
             code: hash of code whose change makes a ledger's entries invalid; empty: no change does.
         """
         parts = [self.failures.rows.states, self.failures.mode, self.held_out.rows.states, self.held_out.mode]
-        told = [
+        settings = [
             preconditions_hash(self.task.preconditions),
             modes_hash(self.modes),
             asdict(self.options),
             self.residual,
         ]
         identity = config_hash(
-            [*told, *([code] if code else []), self.trials, seed, *(part.tolist() for part in parts)]
+            [*settings, *([code] if code else []), self.trials, seed, *(part.tolist() for part in parts)]
         )
         ledger = Ledger(identity) if path is None else Ledger.open(path, identity)
         return Trainer(self.task, self.failures, self.held_out, self.options, seed, ledger, self.trials, self.residual)
@@ -130,17 +130,17 @@ def train_recoveries(
     history: History | None = None,
     report: Callable[[History], None] | None = None,
 ) -> History:
-    """All rounds of one chooser, those of an earlier `history` included; `report` is told the history after each.
+    """All rounds of one chooser, those of an earlier `history` included; `report` gets the history after each.
 
     What the ledger already holds is not trained again, so an interrupted training repeats its choices at once and goes
     on, to the bit.
     """
-    done = History(graph.q) if history is None else history
+    latest = History(graph.q) if history is None else history
     rng = generator(trainer.seed, "choose", chooser.name)
-    for done in learn(graph, chooser, trainer, rounds=rounds, rng=rng, history=history, episodes=episodes):
+    for latest in learn(graph, chooser, trainer, rounds=rounds, rng=rng, history=history, episodes=episodes):
         if report is not None:
-            report(done)
-    return done
+            report(latest)
+    return latest
 
 
 def record_history(
@@ -156,12 +156,12 @@ def record_history(
         history: the rounds.
         settings: of the chooser and of the loop; `episodes`, the trainings of a round, among them.
     """
-    counts = history.trained * int(settings["episodes"])
-    used = [entry for (*pair, number), entry in trainer.ledger.entries.items() if number < counts[tuple(pair)]]
+    counts = history.counts * int(settings["episodes"])
+    entries = [entry for (*pair, number), entry in trainer.ledger.entries.items() if number < counts[tuple(pair)]]
     plain = {name: [getattr(each, name) for each in history.rounds] for name in ("mode", "target", "trials", "solved")}
     numbers = {
         name: [finite(float(f"{getattr(each, name):.6g}")) for each in history.rounds]
         for name in ("q", "q_upper", "predicted", "value")
     }
-    made = Item(item, chooser, trainer.seed, 0, config_hash([trainer.ledger.identity, dict(settings)]))
-    write(records, made, {"rounds": plain | numbers}, seconds=sum(entry.seconds for entry in used))
+    record = Item(item, chooser, trainer.seed, 0, config_hash([trainer.ledger.identity, dict(settings)]))
+    write(records, record, {"rounds": plain | numbers}, seconds=sum(entry.seconds for entry in entries))

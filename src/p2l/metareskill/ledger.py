@@ -1,4 +1,4 @@
-"""Every query that was asked, solved or not, with what it found: the memory of recovery training.
+"""Every query, solved or not, with its answer: the memory of recovery training.
 
 An entry is a function of the seed, the recovery and how often that was trained before, whoever asks. Training that was
 interrupted therefore goes on from its last entry, to the bit, and two choosers that train the same recovery as often
@@ -34,7 +34,7 @@ class Entry:
     Attributes:
         failure: index of the training failure that was queried.
         solved: the query found a recovery from there.
-        parameters: [P] what it found; of an unsolved one its last guess, which no skill uses.
+        parameters: [P] its answer; of an unsolved query the last mean, which no skill uses.
         success: [U] share of rollouts that reached the target, by update.
         rollouts: how many were run.
         q: success rate of the recovery skill on held-out failures, with this entry.
@@ -115,10 +115,10 @@ class Ledger:
 
 
 def _entries(arrays: Mapping[str, AnyArray]) -> dict[Key, Entry]:
-    found: dict[Key, Entry] = {}
+    entries: dict[Key, Entry] = {}
     for row, (mode, target, number) in enumerate(arrays["keys"].tolist()):
         success = arrays["success"][row]
-        found[mode, target, number] = Entry(
+        entries[mode, target, number] = Entry(
             failure=int(arrays["failure"][row]),
             solved=bool(arrays["solved"][row]),
             parameters=arrays["parameters"][row],
@@ -128,4 +128,4 @@ def _entries(arrays: Mapping[str, AnyArray]) -> dict[Key, Entry]:
             trials=int(arrays["trials"][row]),
             seconds=float(arrays["seconds"][row]),
         )
-    return found
+    return entries

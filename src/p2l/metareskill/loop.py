@@ -62,11 +62,11 @@ def check_budget(graph: SkillGraph, chooser: Chooser, rounds: int, episodes: int
     Raises:
         ConfigError: fewer rounds than the chooser's initial ones, or no training per round.
     """
-    needed = chooser.initial_rounds * graph.q.size
-    if rounds < max(needed, 1) or episodes < 1:
+    minimum = chooser.initial_rounds * graph.q.size
+    if rounds < max(minimum, 1) or episodes < 1:
         raise ConfigError(
             f"learn: {rounds} rounds of {episodes} trainings given; chooser '{chooser.name}' needs at least "
-            f"{max(needed, 1)} rounds ({chooser.initial_rounds} initial ones for each of {graph.q.size} recoveries)"
+            f"{max(minimum, 1)} rounds ({chooser.initial_rounds} initial ones for each of {graph.q.size} recoveries)"
         )
 
 
@@ -83,16 +83,16 @@ def _rounds(
         rng.bit_generator.state = json.loads(history.generator)
     while len(history) < rounds:
         choice = chooser(graph.with_q(history.best), history, rng)
-        before = int(history.trained[choice.mode, choice.target]) * episodes
+        before = int(history.counts[choice.mode, choice.target]) * episodes
         for episode in range(episodes):
             result = train(choice.mode, choice.target, before + episode)
-        done = _explained(graph, history, choice, result)
+        latest = _explain(graph, history, choice, result)
         state = json.dumps(rng.bit_generator.state)
-        history = dataclasses.replace(history, rounds=(*history.rounds, done), generator=state)
+        history = dataclasses.replace(history, rounds=(*history.rounds, latest), generator=state)
         yield history
 
 
-def _explained(graph: SkillGraph, history: History, choice: Choice, result: Trained) -> Round:
+def _explain(graph: SkillGraph, history: History, choice: Choice, result: Trained) -> Round:
     pair = choice.mode, choice.target
     best = history.best.copy()
     before = float(best[pair])

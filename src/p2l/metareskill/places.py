@@ -12,20 +12,20 @@ from typing import Any
 
 from p2l.contracts.world import symbols_of
 from p2l.metareskill.episodes import Place
-from p2l.metareskill.strategy_names import LEARNT, OPEN_LOOP
+from p2l.metareskill.strategy_names import OPEN_LOOP, RECOVERIES
 from p2l.metareskill.target import RecoveryTask
 from p2l.preconditions.record import Preconditions
 from p2l.worlds.table import make_world
 
-IMPROVING, IDEALISED = "halving", "after_first"  # thesis, section 4.4.1: in simulation; on a real robot
+ESTIMATOR, IDEAL_ESTIMATOR = "halving", "after_first"  # thesis, section 4.4.1: in simulation; on a real robot
 LEVERS = ("1", "2", "3", "4", "5")  # the full-sized door stands apart, in the thesis too
-PAIR = (LEARNT, OPEN_LOOP)
+PAIR = (RECOVERIES, OPEN_LOOP)
 Visit = tuple[Place, Sequence[str], Sequence[int]]  # a place, the strategies and the seeds that go there
 
 
 @dataclass(frozen=True)
 class Tour:
-    """What is compared, and where.
+    """Strategies, and the places in which they are compared.
 
     Attributes:
         item: the training world, or a variant of it.
@@ -56,22 +56,22 @@ class Tour:
     @property
     def unseen(self) -> list[str]:
         """Settings of the levers that recoveries were not trained on."""
-        trained = str(self.params.get("handle", LEVERS[0]))
-        return [f"handle={handle}" for handle in self.handles if handle in LEVERS and handle != trained]
+        own = str(self.params.get("handle", LEVERS[0]))
+        return [f"handle={handle}" for handle in self.handles if handle in LEVERS and handle != own]
 
 
 def places(tour: Tour, preconditions: Preconditions, stack: ExitStack) -> list[Visit]:
     """Every place with the strategies and seeds that go there; `stack` closes robosuite's environment."""
     visits: list[Visit] = [
-        (_place(tour, preconditions, tour.item, "", tour.episodes, IMPROVING), tour.strategies, tour.seeds)
+        (_place(tour, preconditions, tour.item, "", tour.episodes, ESTIMATOR), tour.strategies, tour.seeds)
     ]
     for handle in tour.handles:
         name, setting = f"{tour.item}_handle_{handle}", f"handle={handle}"
-        other = _place(tour, preconditions, name, setting, tour.handle_episodes, IDEALISED, handle)
+        other = _place(tour, preconditions, name, setting, tour.handle_episodes, IDEAL_ESTIMATOR, handle)
         visits.append((other, PAIR, tour.seeds))
     if tour.robosuite_seeds:
         name, setting = f"{tour.item}_robosuite", "simulator=robosuite"
-        own = _place(tour, preconditions, name, setting, tour.robosuite_episodes, IDEALISED)
+        own = _place(tour, preconditions, name, setting, tour.robosuite_episodes, IDEAL_ESTIMATOR)
         visits.append((_in_robosuite(own, stack), PAIR, tour.robosuite_seeds))
     return visits
 

@@ -30,7 +30,7 @@ from p2l.contracts.rows import Rows
 from p2l.errors import ConfigError
 from p2l.metareskill.target import RecoveryTask
 from p2l.records import Array, BoolArray
-from p2l.skills.execute import execute, known_exactly
+from p2l.skills.execute import execute, without_noise
 from p2l.skills.relative import SIZE, WAYPOINTS, Timing
 from p2l.skills.reps import SearchDistribution, update
 
@@ -87,7 +87,7 @@ class QueryOptions:
 
 @dataclass(frozen=True)
 class QueryResult:
-    """What a query found.
+    """The outcome of one query.
 
     Attributes:
         parameters: [P] mean of the search distribution that solved it, or the last one.
@@ -108,7 +108,7 @@ def query(
     task: RecoveryTask, rows: Rows, targets: Sequence[int], rngs: Sequence[np.random.Generator], options: QueryOptions
 ) -> tuple[QueryResult, ...]:
     """Search for a recovery from each of `rows` [Q] to each of `targets` [Q]."""
-    rows = known_exactly(rows)
+    rows = without_noise(rows)
     searches = [_first(task, rows.take([q]), target, rngs[q], options) for q, target in enumerate(targets)]
     answers: dict[int, QueryResult] = {}
     curves: list[tuple[list[float], list[float]]] = [([], []) for _ in targets]
@@ -116,15 +116,15 @@ def query(
         active = [q for q in range(len(targets)) if q not in answers]
         if not active:
             break
-        drawn = [searches[q].sample(rngs[q], options.rollouts) for q in active]
-        returns, reached = _rollouts(task, rows, active, targets, drawn, options)
-        for q, samples, value, hit in zip(active, drawn, returns, reached, strict=True):
+        samples = [searches[q].sample(rngs[q], options.rollouts) for q in active]
+        returns, hits = _rollouts(task, rows, active, targets, samples, options)
+        for q, sample, value, hit in zip(active, samples, returns, hits, strict=True):
             curves[q][0].append(float(hit.mean()))
             curves[q][1].append(float(value.mean()))
             solved = bool(hit.mean() >= options.solved)
             going = any(curves[q][0]) or number < options.hopeless
             if not solved and going and number < options.updates:
-                searches[q] = _updated(searches[q], samples, value, options)
+                searches[q] = _update(searches[q], sample, value, options)
                 continue
             success, mean = (tuple(curve) for curve in curves[q])
             answers[q] = QueryResult(searches[q].mean, solved, success, mean, number * options.rollouts)
@@ -134,13 +134,13 @@ def query(
 def _first(
     task: RecoveryTask, row: Rows, target: int, rng: np.random.Generator, options: QueryOptions
 ) -> SearchDistribution:
-    wanted = task.preconditions.density(target).sample(rng, 1)
-    mean = task.towards(task.world.privileged(row), task.world.observe(row), wanted)[0]
+    goal = task.preconditions.density(target).sample(rng, 1)
+    mean = task.towards(task.world.privileged(row), task.world.observe(row), goal)[0]
     mean[6 : 7 * (WAYPOINTS - 1) : 7] = 0.0
     return SearchDistribution(mean, np.diag(options.sigma**2))
 
 
-def _updated(search: SearchDistribution, samples: Array, returns: Array, options: QueryOptions) -> SearchDistribution:
+def _update(search: SearchDistribution, samples: Array, returns: Array, options: QueryOptions) -> SearchDistribution:
     return update(
         search,
         samples,
@@ -157,19 +157,19 @@ def _rollouts(
     rows: Rows,
     active: Sequence[int],
     targets: Sequence[int],
-    drawn: Sequence[Array],
+    samples: Sequence[Array],
     options: QueryOptions,
 ) -> tuple[list[Array], list[BoolArray]]:
     """Returns and hits of each active query's rollouts, all in one batch."""
     copies = rows.take(np.repeat(active, options.rollouts))
-    arrivals = execute(task.world, copies, np.concatenate(drawn).reshape(-1, SIZE), options.timing)
-    returns, reached = [], []
+    arrivals = execute(task.world, copies, np.concatenate(samples).reshape(-1, SIZE), options.timing)
+    returns, hits = [], []
     for place, q in enumerate(active):
         own = np.arange(place * options.rollouts, (place + 1) * options.rollouts)
-        judged = [task.judge(leg.take(own), targets[q]) for leg in arrivals.legs]
-        value = sum((reward for reward, _ in judged), start=LAST * judged[-1][0])
-        broken = arrivals.diverged[own]
-        value = np.where(broken, value[~broken].min() if not broken.all() else 0.0, value)
+        judgements = [task.judge(leg.take(own), targets[q]) for leg in arrivals.legs]
+        value = sum((reward for reward, _ in judgements), start=LAST * judgements[-1][0])
+        diverged = arrivals.diverged[own]
+        value = np.where(diverged, value[~diverged].min() if not diverged.all() else 0.0, value)
         returns.append(value)
-        reached.append(judged[-1][1] & ~broken)
-    return returns, reached
+        hits.append(judgements[-1][1] & ~diverged)
+    return returns, hits

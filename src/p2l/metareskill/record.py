@@ -51,22 +51,22 @@ class Recoveries:
 
 
 def modes_hash(modes: ModeClassifier) -> str:
-    """Identifies failure modes by what they classify with."""
-    told = {name: getattr(modes, name) for name in ("world", "digest", "fields", "columns")}
+    """Identifies failure modes by the parameters of their classifier."""
+    about = {name: getattr(modes, name) for name in ("world", "digest", "fields", "columns")}
     names = ("centre", "spread", "weights", "means", "covariances", "sizes")
-    return config_hash(told | {name: getattr(modes, name).tolist() for name in names})
+    return config_hash(about | {name: getattr(modes, name).tolist() for name in names})
 
 
 def preconditions_hash(preconditions: Preconditions) -> str:
-    """Identifies preconditions by what they classify with."""
+    """Identifies preconditions by the parameters of their classifiers."""
     parts = [*(skill.arrays() for skill in preconditions.skills), preconditions.goal.arrays("goal.")]
     numbers = [{key: value.tolist() for key, value in part.items()} for part in parts]
-    told = [preconditions.digest, preconditions.names, preconditions.threshold, preconditions.nominal.tolist()]
-    return config_hash([*told, *numbers])
+    about = [preconditions.digest, preconditions.names, preconditions.threshold, preconditions.nominal.tolist()]
+    return config_hash([*about, *numbers])
 
 
 def recoveries_hash(recoveries: Recoveries) -> str:
-    """Identifies learnt recoveries by what they do and how good they are taken to be."""
+    """Identifies recoveries by their skills and success probabilities."""
     skills = {
         f"{mode}.{target}.{key}": value.tolist()
         for (mode, target), skill in recoveries.skills.items()
@@ -81,9 +81,9 @@ def collect(
 ) -> Recoveries:
     """The best skills of a training that is over, `episodes` trainings in each of its rounds."""
     preconditions = trainer.task.preconditions
-    found = {
+    skills = {
         (mode, target): trainer.skill(mode, target, int(count) * episodes)
-        for (mode, target), count in np.ndenumerate(history.trained)
+        for (mode, target), count in np.ndenumerate(history.counts)
     }
     return Recoveries(
         world=preconditions.world,
@@ -91,16 +91,16 @@ def collect(
         modes=modes_hash(modes),
         preconditions=preconditions_hash(preconditions),
         graph=graph.with_q(history.best),
-        skills={key: skill for key, skill in found.items() if skill is not None},
+        skills={key: skill for key, skill in skills.items() if skill is not None},
         timing=trainer.options.timing,
     )
 
 
 def save_recoveries(path: Path | str, recoveries: Recoveries) -> None:
     """Write a `.npz`."""
-    told = {name: getattr(recoveries, name) for name in ("world", "digest", "modes", "preconditions")}
-    told |= {"timing": asdict(recoveries.timing), "skills": [list(key) for key in recoveries.skills]}
-    arrays: dict[str, AnyArray] = {"about": np.array(json.dumps(told, sort_keys=True))}
+    about = {name: getattr(recoveries, name) for name in ("world", "digest", "modes", "preconditions")}
+    about |= {"timing": asdict(recoveries.timing), "skills": [list(key) for key in recoveries.skills]}
+    arrays: dict[str, AnyArray] = {"about": np.array(json.dumps(about, sort_keys=True))}
     arrays |= {f"graph.{key}": value for key, value in recoveries.graph.arrays().items()}
     for (mode, target), skill in recoveries.skills.items():
         arrays |= {f"skill.{mode}.{target}.{key}": value for key, value in skill.arrays().items()}
@@ -114,25 +114,25 @@ def load_recoveries(path: Path | str, world: World, preconditions: Preconditions
         ArtifactError: missing, damaged, of another version, or of another world, other preconditions or other modes.
     """
     arrays = load_arrays(path, schema=SCHEMA, version=VERSION)
-    told = json.loads(str(arrays["about"]))
-    wanted = {
+    about = json.loads(str(arrays["about"]))
+    identity = {
         "world": world.name,
         "digest": world.digest,
         "preconditions": preconditions_hash(preconditions),
         "modes": modes_hash(modes),
     }
-    if other := [name for name, value in wanted.items() if told[name] != value]:
+    if other := [name for name, value in identity.items() if about[name] != value]:
         raise ArtifactError(
             f"{path}: recoveries were learnt with another {', '.join(other)}; "
             "give the files that they were learnt with, or run `python -m stages.learn_recoveries` again"
         )
-    keys = [(int(mode), int(target)) for mode, target in told["skills"]]
+    keys = [(int(mode), int(target)) for mode, target in about["skills"]]
     skills = {
         (mode, target): ParameterisedSkill.from_arrays(_part(arrays, f"skill.{mode}.{target}."))
         for mode, target in keys
     }
-    timing = Timing(**{name: tuple(value) for name, value in told["timing"].items()})
-    return Recoveries(**wanted, graph=SkillGraph.from_arrays(_part(arrays, "graph.")), skills=skills, timing=timing)
+    timing = Timing(**{name: tuple(value) for name, value in about["timing"].items()})
+    return Recoveries(**identity, graph=SkillGraph.from_arrays(_part(arrays, "graph.")), skills=skills, timing=timing)
 
 
 def _part(arrays: Mapping[str, AnyArray], prefix: str) -> dict[str, AnyArray]:

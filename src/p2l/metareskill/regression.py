@@ -70,10 +70,10 @@ class ParameterisedSkill:
         Raises:
             ShapeError: another number of features, or NaN.
         """
-        wanted = freeze("states", states, ("N", "F"), {"F": self.states.shape[1]})
-        if not len(wanted):
+        features = freeze("states", states, ("N", "F"), {"F": self.states.shape[1]})
+        if not len(features):
             return np.zeros((0, self.parameters.shape[1]))
-        return np.asarray(self._regressor.predict((wanted - self.mean) / self.scale))
+        return np.asarray(self._regressor.predict((features - self.mean) / self.scale))
 
     @cached_property
     def _regressor(self) -> Any:

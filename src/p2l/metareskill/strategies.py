@@ -1,6 +1,6 @@
 """What the robot does when an option has ended: the high-level policy, and the heuristics that it is compared with.
 
-At every end the preconditions are evaluated on the most likely state, that is on what the robot sees. If one holds, the
+At every end the preconditions are evaluated on the most likely state, that is on the observation. If one holds, the
 nominal skill of the most valuable one follows. If none does, the strategies differ (thesis, section 4.4.1, table 4.1):
 
 - `recoveries`: the failure classifier names the mode; the best learnt recovery of that mode by the graph's values.
@@ -12,13 +12,13 @@ nominal skill of the most valuable one follows. If none does, the strategies dif
 
 Where the thesis is silent:
 1. Every episode begins with the first skill. Success is perceived: an episode ends when the task is done.
-2. A straight motion leads to the mean of the target's D⁺ for the object as seen, the fingers as there; the motion and
-   its timing are those with which REPS begins. "The skill that has just been executed" is the last nominal one.
+2. A straight motion leads to the mean of the target's D⁺ for the object as observed, the fingers as there; the motion
+   and its timing are those with which REPS begins. "The skill that has just been executed" is the last nominal one.
 3. A recovery's success rate is that of its first execution: after n executions in an episode it counts as q / (1 + n).
    What an open-loop motion did not change it will not change the second time either, so that the next best one has its
    turn, and then the best one again, up to the limit of skills.
-4. Where the graph values giving up above every recovery, the best one is tried all the same: an episode that ends
-   there has failed for sure.
+4. Where the graph values giving up above every recovery, the best one is executed all the same: an episode that ends
+   there is a failure for sure.
 5. A nominal skill that has just been executed, and whose own precondition is still the most valuable one that holds,
    has led nowhere either: the robot is lost as if none held. Only `no_recovery`, which has nothing else to do, repeats
    it. A learnt precondition also holds in states that the skill does not change: of a development run's failures on
@@ -57,7 +57,7 @@ class Playbook:
 
     Attributes:
         options: nominal ones first, then recoveries.
-        choose: for one run of `skills.chain.run`; it remembers what its episodes have tried.
+        choose: for one run of `skills.chain.run`; it remembers the recoveries of its episodes.
     """
 
     options: tuple[Option, ...]
@@ -79,24 +79,26 @@ class _Policy:
     max_options: int
 
     def choose(self, otherwise: Otherwise, *, repeat: bool = False) -> Choose:
-        """`otherwise` maps moments of being lost [N], and what is seen, to options [N].
+        """The policy as `skills.chain.run` takes it.
 
-        `repeat`: whether a nominal skill may follow itself.
+        Args:
+            otherwise: options [N] for moments [N] at which the robot is lost, and their observations.
+            repeat: whether a nominal skill may follow itself.
         """
         rng = np.random.default_rng(0)  # `nominal_policy` wants one; preconditions are no tie, each is a skill apart
 
-        def choose(ended: Moments) -> IntArray:
-            seen = self.task.world.observe(ended.rows)
-            done = self.task.world.goal(ended.rows)
-            holds = self.task.preconditions.holds(self.task.symbols.state(seen), done)
-            following = nominal_policy(self.graph, holds, rng)
-            over = done | (ended.rows.actions >= self.max_options)
-            lost = following == NONE if repeat else (following == NONE) | (following == ended.option)
+        def choose(moments: Moments) -> IntArray:
+            observation = self.task.world.observe(moments.rows)
+            done = self.task.world.goal(moments.rows)
+            holds = self.task.preconditions.holds(self.task.symbols.state(observation), done)
+            option = nominal_policy(self.graph, holds, rng)
+            over = done | (moments.rows.actions >= self.max_options)
+            lost = option == NONE if repeat else (option == NONE) | (option == moments.option)
             lost &= ~over
-            following[over] = FINISH
+            option[over] = FINISH
             if lost.any():
-                following[lost] = otherwise(ended.take(lost), seen.take(lost))
-            return following
+                option[lost] = otherwise(moments.take(lost), observation.take(lost))
+            return option
 
         return choose
 
@@ -141,10 +143,10 @@ def playbook(
     count = len(nominal)
     moves = tuple(relative(f"to_{name}", _straight(task, k), timing) for k, name in enumerate(task.targets[:-1]))
     otherwise: dict[str, Otherwise] = {
-        "retry": lambda ended, _seen: ended.option % count,
-        "to_previous": lambda ended, _seen: count + ended.option % count,
-        "to_start": lambda ended, _seen: np.full(len(ended), count),
-        "no_recovery": lambda ended, _seen: np.full(len(ended), FINISH),
+        "retry": lambda moments, _observation: moments.option % count,
+        "to_previous": lambda moments, _observation: count + moments.option % count,
+        "to_start": lambda moments, _observation: np.full(len(moments), count),
+        "no_recovery": lambda moments, _observation: np.full(len(moments), FINISH),
     }
     return Playbook((*nominal, *moves), policy.choose(otherwise[strategy], repeat=strategy == "no_recovery"))
 
@@ -157,26 +159,26 @@ def _recoveries(
     modes: ModeClassifier,
     skills: Skills,
 ) -> Playbook:
-    task, graph, executed = policy.task, policy.graph, _Executed(policy.graph.q.shape)
+    task, graph, executions = policy.task, policy.graph, _Executions(policy.graph.q.shape)
     order = rng.random(graph.q.shape)
     option = np.full(graph.q.shape, FINISH)
-    learnt: list[Option] = []
+    recoveries: list[Option] = []
     for mode, target in np.argwhere(graph.q > 0.0).tolist():
-        option[mode, target] = len(nominal) + len(learnt)
-        plan = _learnt(task, skills[mode, target], target)
-        learnt.append(relative(f"recovery_{mode}_{task.targets[target]}", plan, timing))
+        option[mode, target] = len(nominal) + len(recoveries)
+        plan = _recovery(task, skills[mode, target], target)
+        recoveries.append(relative(f"recovery_{mode}_{task.targets[target]}", plan, timing))
 
-    def recover(ended: Moments, seen: Observation) -> IntArray:
-        mode = modes.classify(seen)[0]
-        target = best_recovery(graph, mode, executed.before(ended.episode)[np.arange(len(mode)), mode], order)
-        found = target != NONE
-        executed.count(ended.episode[found], mode[found], target[found])
-        return np.where(found, option[mode, target], FINISH)
+    def recover(moments: Moments, observation: Observation) -> IntArray:
+        mode = modes.classify(observation)[0]
+        target = best_recovery(graph, mode, executions.before(moments.episode)[np.arange(len(mode)), mode], order)
+        feasible = target != NONE
+        executions.count(moments.episode[feasible], mode[feasible], target[feasible])
+        return np.where(feasible, option[mode, target], FINISH)
 
-    return Playbook((*nominal, *learnt), policy.choose(recover))
+    return Playbook((*nominal, *recoveries), policy.choose(recover))
 
 
-class _Executed:
+class _Executions:
     """How often each recovery was executed in each episode of a run.
 
     Args:
@@ -199,8 +201,8 @@ class _Executed:
 
 
 def _straight(task: RecoveryTask, target: int) -> Plan:
-    return lambda seen: task.straight(seen, target)
+    return lambda observation: task.straight(observation, target)
 
 
-def _learnt(task: RecoveryTask, skill: ParameterisedSkill, target: int) -> Plan:
-    return lambda seen: task.recovery(skill, target, seen)
+def _recovery(task: RecoveryTask, skill: ParameterisedSkill, target: int) -> Plan:
+    return lambda observation: task.recovery(skill, target, observation)

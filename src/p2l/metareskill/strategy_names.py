@@ -2,5 +2,5 @@
 
 from __future__ import annotations
 
-LEARNT, OPEN_LOOP = "recoveries", "open_loop"
-STRATEGIES = (LEARNT, "retry", "to_previous", "to_start", "no_recovery", OPEN_LOOP)
+RECOVERIES, OPEN_LOOP = "recoveries", "open_loop"
+STRATEGIES = (RECOVERIES, "retry", "to_previous", "to_start", "no_recovery", OPEN_LOOP)

@@ -26,7 +26,7 @@ DENSITY, PROBABILITY = 0.1, 10.0
 
 @dataclass(frozen=True)
 class RecoveryTask:
-    """A world with its preconditions, as recoveries see it.
+    """A world with its preconditions, as recoveries need it.
 
     Attributes:
         world: where.
@@ -54,26 +54,26 @@ class RecoveryTask:
     def judge(self, rows: Rows, target: int) -> tuple[Array, BoolArray]:
         """[N] reward R of being there, and [N] whether the target holds."""
         states, done = self.state(rows), self.world.goal(rows)
-        reached = self.preconditions.probability(states, done)[:, target]
+        probability = self.preconditions.probability(states, done)[:, target]
         density = self.preconditions.density(target).log_density(states)
-        return DENSITY * density + PROBABILITY * reached, np.asarray(reached >= self.preconditions.threshold)
+        return DENSITY * density + PROBABILITY * probability, np.asarray(probability >= self.preconditions.threshold)
 
-    def towards(self, known: Privileged | Observation, seen: Observation, states: Array) -> Array:
-        """[N, P] parameters of the straight motion of each row to the hand's pose in `states` [N, D].
+    def towards(self, source: Privileged | Observation, observation: Observation, goals: Array) -> Array:
+        """[N, P] parameters of the straight motion of each row to the hand's pose in its goal state.
 
         Args:
-            known: what is known of the objects.
-            seen: where the hand is.
-            states: N states, one for each row.
+            source: where the objects are, by the truth or by the robot's estimate.
+            observation: where the hand is.
+            goals: [N, D] a goal state for each row.
         """
-        return straight(seen, *self.symbols.hand(known, states), self.symbols.closed(states))
+        return straight(observation, *self.symbols.hand(source, goals), self.symbols.fingers_closed(goals))
 
-    def straight(self, seen: Observation, target: int) -> Array:
-        """[N, P] the straight motion of each row to the mean of the target's D⁺, as far as is seen."""
+    def straight(self, observation: Observation, target: int) -> Array:
+        """[N, P] the straight motion of each row to the mean of the target's D⁺, by the robot's estimate."""
         mean = self.preconditions.density(target).means[0]
-        return self.towards(seen, seen, np.tile(mean, (len(seen), 1)))
+        return self.towards(observation, observation, np.tile(mean, (len(observation), 1)))
 
-    def recovery(self, skill: ParameterisedSkill, target: int, seen: Observation) -> Array:
-        """[N, P] what a learnt skill does from each row."""
-        predicted = skill.predict(self.symbols.state(seen)[:, list(self.symbols.context)])
-        return predicted + self.straight(seen, target) if skill.residual else predicted
+    def recovery(self, skill: ParameterisedSkill, target: int, observation: Observation) -> Array:
+        """[N, P] the motion of a recovery skill from each row."""
+        parameters = skill.predict(self.symbols.state(observation)[:, list(self.symbols.context)])
+        return parameters + self.straight(observation, target) if skill.residual else parameters

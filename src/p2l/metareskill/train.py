@@ -24,7 +24,7 @@ from p2l.metareskill.regression import ParameterisedSkill, fit_skill
 from p2l.metareskill.target import RecoveryTask
 from p2l.records import Array, IntArray
 from p2l.seeding import generator
-from p2l.skills.execute import execute, known_exactly
+from p2l.skills.execute import execute, without_noise
 
 
 @dataclass(frozen=True)
@@ -54,7 +54,7 @@ class Trainer:
         held_out: to measure on.
         options: of queries.
         seed: of all training.
-        ledger: what was asked so far.
+        ledger: all queries so far.
         trials: largest number of held-out failures that one measurement uses.
         residual: whether skills add to the straight motion, see `regression`.
     """
@@ -77,16 +77,16 @@ class Trainer:
         return Trained(q=entry.q, trials=entry.trials, solved=entry.solved)
 
     def _train(self, mode: int, target: int, before: int) -> Entry:
-        begun = time.perf_counter()
+        start = time.perf_counter()
         index = self._failure(mode, target, before)
         rng = generator(self.seed, "recovery", mode, target, before)
         [answer] = query(self.task, self.failures.rows.take([index]), [target], [rng], self.options)
         past = self.ledger.of(mode, target, before)
-        solved = [(entry.failure, entry.parameters) for entry in past if entry.solved]
+        solutions = [(entry.failure, entry.parameters) for entry in past if entry.solved]
         q, trials = (past[-1].q, past[-1].trials) if past else (0.0, len(self.tests(mode)))
         if answer.solved:
-            solved.append((index, answer.parameters))
-            q, trials = self.measure(self._fit(mode, target, solved), mode, target)
+            solutions.append((index, answer.parameters))
+            q, trials = self.measure(self._fit(mode, target, solutions), mode, target)
         return Entry(
             failure=index,
             solved=answer.solved,
@@ -95,18 +95,18 @@ class Trainer:
             rollouts=answer.rollouts,
             q=q,
             trials=trials,
-            seconds=time.perf_counter() - begun,
+            seconds=time.perf_counter() - start,
         )
 
-    def skill(self, mode: int, target: int, trained: int) -> ParameterisedSkill | None:
-        """The skill after `trained` trainings; the best of them so far, as Algorithm 3 keeps it; None: none solved."""
-        past = self.ledger.of(mode, target, trained)
-        solved = [number for number, entry in enumerate(past) if entry.solved]
-        if not solved:
+    def skill(self, mode: int, target: int, trainings: int) -> ParameterisedSkill | None:
+        """The best skill of the first `trainings` of a recovery, as Algorithm 3 keeps it; None: no query was solved."""
+        past = self.ledger.of(mode, target, trainings)
+        numbers = [number for number, entry in enumerate(past) if entry.solved]
+        if not numbers:
             return None
-        best = max(solved, key=lambda number: (past[number].q, number))
-        kept = [entry for entry in past[: best + 1] if entry.solved]
-        return self._fit(mode, target, [(entry.failure, entry.parameters) for entry in kept])
+        best = max(numbers, key=lambda number: (past[number].q, number))
+        solutions = [(entry.failure, entry.parameters) for entry in past[: best + 1] if entry.solved]
+        return self._fit(mode, target, solutions)
 
     def tests(self, mode: int) -> IntArray:
         """Indices of the held-out failures that measure a mode's recoveries."""
@@ -121,12 +121,12 @@ class Trainer:
 
     def measure(self, skill: ParameterisedSkill, mode: int, target: int) -> tuple[float, int]:
         """Success rate on held-out failures of the mode, all in one batch, and their number."""
-        rows = known_exactly(self.held_out.rows.take(self.tests(mode)))
+        rows = without_noise(self.held_out.rows.take(self.tests(mode)))
         arrivals = execute(
             self.task.world, rows, self.task.recovery(skill, target, self.task.world.observe(rows)), self.options.timing
         )
-        reached = self.task.holds(arrivals.last)[:, target] & ~arrivals.diverged
-        return float(reached.mean()), len(rows)
+        success = self.task.holds(arrivals.last)[:, target] & ~arrivals.diverged
+        return float(success.mean()), len(rows)
 
     def _failure(self, mode: int, target: int, before: int) -> int:
         """Another failure each time, until all of the mode have been queried."""
@@ -134,9 +134,9 @@ class Trainer:
         order = generator(self.seed, "order", mode, target).permutation(len(members))
         return int(members[order[before % len(members)]])
 
-    def _fit(self, mode: int, target: int, solved: Sequence[tuple[int, Array]]) -> ParameterisedSkill:
-        index, found = zip(*solved, strict=True)
-        rows, parameters = known_exactly(self.failures.rows.take(list(index))), np.stack(found)
+    def _fit(self, mode: int, target: int, solutions: Sequence[tuple[int, Array]]) -> ParameterisedSkill:
+        index, answers = zip(*solutions, strict=True)
+        rows, parameters = without_noise(self.failures.rows.take(list(index))), np.stack(answers)
         if self.residual:
             parameters = parameters - self.task.straight(self.task.world.observe(rows), target)
         reference = self._context(self.failures.rows.take(self.failures.of(mode)))

@@ -71,11 +71,11 @@ def predicted_value(graph: SkillGraph, q_upper: Array) -> Array:
     """
     values = value_iteration(graph)
     count = len(values.targets)
-    kept = recovery_values(graph, values.targets)[:, None, :]
-    others = np.where(np.eye(count, dtype=bool), -graph.c_fail, kept).max(axis=-1)  # [I, M] best without target j
-    replaced = np.maximum(others, recovery_values(graph, values.targets, q_upper))
-    replaced = np.maximum(replaced, -graph.c_fail)
-    return np.asarray(values.modes @ graph.share + graph.share[:, None] * (replaced - values.modes[:, None]))
+    current = recovery_values(graph, values.targets)[:, None, :]
+    others = np.where(np.eye(count, dtype=bool), -graph.c_fail, current).max(axis=-1)  # [I, M] best without target j
+    best = np.maximum(others, recovery_values(graph, values.targets, q_upper))
+    best = np.maximum(best, -graph.c_fail)  # [I, M] value of mode i with the upper limit of target j
+    return np.asarray(values.modes @ graph.share + graph.share[:, None] * (best - values.modes[:, None]))
 
 
 def greedy(scores: Array, rng: np.random.Generator, tie: float = TIE) -> IntArray:
@@ -84,18 +84,18 @@ def greedy(scores: Array, rng: np.random.Generator, tie: float = TIE) -> IntArra
     return np.where(candidate, rng.random(scores.shape), -1.0).argmax(axis=-1).astype(np.int64)
 
 
-def best_recovery(graph: SkillGraph, mode: IntArray, executed: IntArray, order: Array) -> IntArray:
+def best_recovery(graph: SkillGraph, mode: IntArray, executions: IntArray, order: Array) -> IntArray:
     """[N] the target of the most valuable recovery, `NONE` where none ever succeeds.
 
     Args:
         graph: the skill graph.
         mode: [N] modes to recover from.
-        executed: [N, M] how often each recovery was executed before from the same failure; its rate q was measured on
-            failures met for the first time, and counts as q / (1 + n) after n times.
+        executions: [N, M] earlier executions of each recovery from the same failure; its rate q was measured on
+            failures met for the first time, and counts as q / (1 + n) after n of them.
         order: [I, M] in [0, 1), decides among values closer than `TIE`.
     """
     targets, q = value_iteration(graph).targets, graph.q[mode]
-    scores = recovery_values(graph, targets, q / (1.0 + executed)) + TIE * order[mode]
+    scores = recovery_values(graph, targets, q / (1.0 + executions)) + TIE * order[mode]
     best = np.where(q > 0.0, scores, -np.inf).argmax(axis=1)
     return np.where((q > 0.0).any(axis=1), best, NONE).astype(np.int64)
 

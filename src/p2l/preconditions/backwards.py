@@ -25,11 +25,11 @@ from p2l.errors import ConfigError
 from p2l.preconditions.classifier import PreconditionClassifier, fit_classifier
 from p2l.preconditions.mixture import Mixture, fit_gaussian, standardisation
 from p2l.preconditions.record import Preconditions
-from p2l.preconditions.vicinity import Vicinity, executed, sample
+from p2l.preconditions.vicinity import Vicinity, moment_pool, sample
 from p2l.records import Array, BoolArray, IntArray
 from p2l.seeding import generator
 from p2l.skills import chain
-from p2l.skills.execute import known_exactly
+from p2l.skills.execute import without_noise
 from p2l.skills.relative import Timing
 
 
@@ -67,7 +67,7 @@ class ChainingOptions:
 
 @dataclass(frozen=True)
 class Samples:
-    """What one skill was tried on.
+    """Executions of one skill and of the chain after it.
 
     Attributes:
         states: [N, D] starts.
@@ -75,7 +75,7 @@ class Samples:
         labels: [N] whether it led to the next precondition.
         solved: [N] whether the chain from this skill on led to the goal, the real thing that labels stand for.
         moved: [N] whether the start was reached by a motion of the hand, see `vicinity`.
-        held_out: [N] whether the sample only tests.
+        held_out: [N] whether the sample is for tests only.
     """
 
     states: Array
@@ -88,7 +88,7 @@ class Samples:
 
 @dataclass(frozen=True)
 class Chaining:
-    """What was learnt and from what.
+    """Preconditions, and the executions that they were fitted to.
 
     Attributes:
         preconditions: the record.
@@ -129,35 +129,35 @@ def chain_preconditions(
         nominal: the chain.
         options: budgets.
         seed: of everything.
-        progress: told the number of skills finished since the last call.
+        progress: called with the number of skills finished since the last call.
 
     Raises:
         ConfigError: hardly any nominal execution succeeds.
     """
     starts = world.sample(generator(seed, "preconditions", "trajectories"), options.trajectories)
-    good, successful = _good(world, symbols, nominal, known_exactly(starts))
+    good, successful = _good(world, symbols, nominal, without_noise(starts))
     rng = generator(seed, "preconditions", "vicinity")
-    pool = executed(world, nominal, world.sample(rng, options.trajectories), options.vicinity.noise, rng)
+    pool = moment_pool(world, nominal, world.sample(rng, options.trajectories), options.vicinity.noise, rng)
     skills: list[PreconditionClassifier] = []
-    tried: list[Samples] = []
+    sets: list[Samples] = []
     for skill in reversed(range(len(nominal))):
         density = _density(good[skill], good[skill], options.regularisation)
-        rows, moved = sample(
+        rows, by_motion = sample(
             world, symbols, pool, skill, density, options.samples, options.vicinity, options.timing, rng
         )
-        found = _try(world, symbols, nominal, rows, moved, skill, skills, options.held_out, rng)
+        samples = _try(world, symbols, nominal, rows, by_motion, skill, skills, options.held_out, rng)
         skills.insert(
-            0, fit_one(symbols.names, found, good[skill], options, generator(seed, "preconditions", "fit", skill))
+            0, fit_one(symbols.names, samples, good[skill], options, generator(seed, "preconditions", "fit", skill))
         )
-        tried.insert(0, found)
+        sets.insert(0, samples)
         if progress is not None:
             progress(1)
     names = tuple(option.name for option in nominal)
-    rates = np.array([_precision(skill, found) for skill, found in zip(skills, tried, strict=True)])
-    last = tried[-1]
+    rates = np.array([_precision(skill, samples) for skill, samples in zip(skills, sets, strict=True)])
+    last = sets[-1]
     goal = _density(np.concatenate([last.ends[last.labels], good[-1]]), last.ends, options.regularisation)
     record = Preconditions(world.name, world.digest, names, tuple(skills), goal, rates)
-    return Chaining(record, tuple(tried), tuple(good[:-1]), len(starts), successful)
+    return Chaining(record, tuple(sets), tuple(good[:-1]), len(starts), successful)
 
 
 def _good(world: World, symbols: Symbols, nominal: Sequence[Option], starts: Rows) -> tuple[list[Array], int]:
@@ -178,7 +178,7 @@ def _try(
     symbols: Symbols,
     nominal: Sequence[Option],
     rows: Rows,
-    moved: BoolArray,
+    by_motion: BoolArray,
     skill: int,
     later: Sequence[PreconditionClassifier],
     held_out: float,
@@ -189,34 +189,33 @@ def _try(
     run = chain.run(world, nominal, rows, first=first, stop_on_failure=False)
     own = run.ends.take((run.ends.option == skill) & ~run.diverged[run.ends.episode])
     ends = symbols.state(world.privileged(own.rows))
-    reached = later[0].holds(ends) if later else world.goal(own.rows)
     sound = own.episode
     return Samples(
         states=symbols.state(world.privileged(rows))[sound],
         ends=ends,
-        labels=reached,
+        labels=later[0].holds(ends) if later else world.goal(own.rows),
         solved=run.success[sound],
-        moved=moved[sound],
+        moved=by_motion[sound],
         held_out=rng.random(len(sound)) < held_out,
     )
 
 
 def fit_one(
-    names: Sequence[str], found: Samples, good: Array, options: ChainingOptions, rng: np.random.Generator
+    names: Sequence[str], samples: Samples, good: Array, options: ChainingOptions, rng: np.random.Generator
 ) -> PreconditionClassifier:
     """ρ of one skill from its training samples and its good starts [·, D]."""
-    kept = ~found.held_out
-    states = np.concatenate([found.states[kept], good])
-    labels = np.concatenate([found.labels[kept], np.ones(len(good), dtype=np.bool_)])
+    training = ~samples.held_out
+    states = np.concatenate([samples.states[training], good])
+    labels = np.concatenate([samples.labels[training], np.ones(len(good), dtype=np.bool_)])
     return fit_classifier(
         states, labels, names, rng, components=options.components, regularisation=options.regularisation
     )
 
 
-def _precision(skill: PreconditionClassifier, found: Samples) -> float:
+def _precision(skill: PreconditionClassifier, samples: Samples) -> float:
     """Share of held-out samples in the precondition from which the skill succeeds; Laplace's estimate."""
-    inside = skill.holds(found.states[found.held_out])
-    return float((found.labels[found.held_out][inside].sum() + 1.0) / (inside.sum() + 2.0))
+    inside = skill.holds(samples.states[samples.held_out])
+    return float((samples.labels[samples.held_out][inside].sum() + 1.0) / (inside.sum() + 2.0))
 
 
 def _density(states: Array, reference: Array, regularisation: float) -> Mixture:

@@ -58,7 +58,7 @@ class PreconditionClassifier:
 
     def log_density(self, states: Array) -> Array:
         """[N] log f_D⁺, nats, in the units of the features [N, D]."""
-        return self.positive.log_density(self._checked(states))
+        return self.positive.log_density(self._validate(states))
 
     def density(self, states: Array) -> Array:
         """[N] f_D⁺."""
@@ -66,9 +66,9 @@ class PreconditionClassifier:
 
     def logit(self, states: Array) -> Array:
         """[N] log odds of being positive."""
-        given = self._checked(states)
+        states = self._validate(states)
         odds = np.log(self.prior) - np.log1p(-self.prior)
-        return np.asarray(odds + self.positive.log_density(given) - self.negative.log_density(given))
+        return np.asarray(odds + self.positive.log_density(states) - self.negative.log_density(states))
 
     def probability(self, states: Array) -> Array:
         """[N] ρ(s): probability that the skill succeeds from each state."""
@@ -78,7 +78,7 @@ class PreconditionClassifier:
         """[N] ρ(s) ≥ threshold."""
         return np.asarray(self.probability(states) >= threshold)
 
-    def _checked(self, states: Array) -> Array:
+    def _validate(self, states: Array) -> Array:
         return freeze("states", states, ("N", "D"), {"D": len(self.feature_names)})
 
     def arrays(self) -> dict[str, npt.NDArray[Any]]:
@@ -122,15 +122,15 @@ def fit_classifier(
         ConfigError: fewer than two positives, or a setting out of range.
     """
     sizes = {"D": len(feature_names)}
-    given = freeze("states", states, ("N", "D"), sizes)
+    states = freeze("states", states, ("N", "D"), sizes)
     positive = freeze("labels", labels, ("N",), sizes, np.bool_)
     _check(int(positive.sum()), components, regularisation, background)
-    mean, scale = standardisation(given)
-    unit = (given - mean) / scale
+    mean, scale = standardisation(states)
+    unit = (states - mean) / scale
     good = fit_gaussian(unit[positive], regularisation)
     bad = _background(unit, good, regularisation)
     if enough := int((~positive).sum()) >= 2:
-        bad = fit_mixture(unit[~positive], components, regularisation, rng).joined(bad, background)
+        bad = fit_mixture(unit[~positive], components, regularisation, rng).mix(bad, background)
     if prior is None:
         prior = float(positive.mean()) if enough else 0.5
     return PreconditionClassifier(tuple(feature_names), good.in_units(mean, scale), bad.in_units(mean, scale), prior)

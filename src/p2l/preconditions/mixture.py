@@ -57,10 +57,10 @@ class Mixture:
 
     def log_density(self, states: Array) -> Array:
         """[N] log density, nats, in the units of the states."""
-        centred = states[:, None, :] - self.means  # [N, C, D]
-        squared = (np.einsum("cde,nce->ncd", self._whitening, centred) ** 2).sum(axis=-1)
+        offsets = states[:, None, :] - self.means  # [N, C, D]
+        mahalanobis = (np.einsum("cde,nce->ncd", self._whitening, offsets) ** 2).sum(axis=-1)
         log_det = np.log(np.diagonal(self._factors, axis1=1, axis2=2)).sum(axis=1)
-        each = -0.5 * squared - log_det - 0.5 * states.shape[1] * np.log(2.0 * np.pi)
+        each = -0.5 * mahalanobis - log_det - 0.5 * states.shape[1] * np.log(2.0 * np.pi)
         return np.asarray(logsumexp(each + np.log(self.weights), axis=1))
 
     def sample(self, rng: np.random.Generator, n: int, spread: float = 1.0) -> Array:
@@ -73,8 +73,8 @@ class Mixture:
         """The density of `mean + scale · x` [D] where this is the density of x."""
         return Mixture(self.weights, mean + self.means * scale, self.covariances * np.outer(scale, scale))
 
-    def joined(self, other: Mixture, share: float) -> Mixture:
-        """This density with weight 1 − share, the other with weight share, in (0, 1)."""
+    def mix(self, other: Mixture, share: float) -> Mixture:
+        """A mixture of both: this density with weight 1 − share, the other with weight share, in (0, 1)."""
         return Mixture(
             np.append(self.weights * (1.0 - share), other.weights * share),
             np.concatenate([self.means, other.means]),
@@ -105,8 +105,8 @@ def fit_gaussian(states: Array, regularisation: float) -> Mixture:
     fewer leave directions without any variance.
     """
     count, width = states.shape
-    centred = states - states.mean(axis=0)
-    covariance = centred.T @ centred / max(count - 1, 1)
+    offsets = states - states.mean(axis=0)
+    covariance = offsets.T @ offsets / max(count - 1, 1)
     if count < 2 * (width + 1):
         covariance = np.diag(np.diag(covariance))
     covariance = covariance + regularisation * np.eye(width)
@@ -124,8 +124,9 @@ def fit_mixture(states: Array, components: int, regularisation: float, rng: np.r
     count = int(np.clip(min(len(states) // enough, len(np.unique(states, axis=0))), 1, components))
     if count == 1:
         return fit_gaussian(states, regularisation)
-    found = GaussianMixture(
+    fit = GaussianMixture(
         count, reg_covar=regularisation, n_init=2, max_iter=300, random_state=int(rng.integers(2**31))
     ).fit(states)
-    kept = found.weights_ > 0.0
-    return Mixture(found.weights_[kept] / found.weights_[kept].sum(), found.means_[kept], found.covariances_[kept])
+    positive = fit.weights_ > 0.0
+    weights = fit.weights_[positive] / fit.weights_[positive].sum()
+    return Mixture(weights, fit.means_[positive], fit.covariances_[positive])

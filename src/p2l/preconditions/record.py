@@ -29,7 +29,7 @@ class Preconditions:
 
     Attributes:
         world: registered name.
-        digest: of the world in which skills were tried.
+        digest: of the world in which skills were executed.
         names: K names of skills.
         skills: K classifiers, in order.
         goal: density of the states in which nominal executions end.
@@ -75,14 +75,14 @@ class Preconditions:
 
 def save_preconditions(path: Path | str, preconditions: Preconditions) -> None:
     """Write a `.npz`."""
-    told = {name: getattr(preconditions, name) for name in ("world", "digest", "names", "threshold")}
+    about = {name: getattr(preconditions, name) for name in ("world", "digest", "names", "threshold")}
     arrays = {
         f"{index}.{key}": value
         for index, skill in enumerate(preconditions.skills)
         for key, value in skill.arrays().items()
     }
     arrays |= preconditions.goal.arrays("goal.") | {"nominal": preconditions.nominal}
-    arrays["about"] = np.array(json.dumps(told, sort_keys=True))
+    arrays["about"] = np.array(json.dumps(about, sort_keys=True))
     save_arrays(path, arrays, schema=SCHEMA, version=VERSION)
 
 
@@ -93,16 +93,16 @@ def load_preconditions(path: Path | str, world: World) -> Preconditions:
         ArtifactError: missing, damaged, of another version, or of another world.
     """
     arrays = load_arrays(path, schema=SCHEMA, version=VERSION)
-    told = json.loads(str(arrays["about"]))
-    if (told["world"], told["digest"]) != (world.name, world.digest):
+    about = json.loads(str(arrays["about"]))
+    if (about["world"], about["digest"]) != (world.name, world.digest):
         raise ArtifactError(
-            f"{path}: preconditions of world '{told['world']}' ({told['digest']}), not of '{world.name}' "
+            f"{path}: preconditions of world '{about['world']}' ({about['digest']}), not of '{world.name}' "
             f"({world.digest}); run `python -m stages.fit_preconditions` again"
         )
-    names = tuple(told["names"])
+    names = tuple(about["names"])
     skills = tuple(PreconditionClassifier.from_arrays(_part(arrays, f"{k}.")) for k in range(len(names)))
     goal = Mixture.from_arrays(arrays, "goal.")
-    return Preconditions(world.name, world.digest, names, skills, goal, arrays["nominal"], float(told["threshold"]))
+    return Preconditions(world.name, world.digest, names, skills, goal, arrays["nominal"], float(about["threshold"]))
 
 
 def _part(arrays: Mapping[str, AnyArray], prefix: str) -> dict[str, AnyArray]:

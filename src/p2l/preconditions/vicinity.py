@@ -31,7 +31,7 @@ from p2l.errors import ConfigError
 from p2l.preconditions.mixture import Mixture
 from p2l.records import BoolArray
 from p2l.skills import chain
-from p2l.skills.execute import execute, known_exactly
+from p2l.skills.execute import execute, without_noise
 from p2l.skills.relative import WAYPOINTS, Timing, straight
 
 
@@ -73,16 +73,16 @@ class MomentPool:
     moments: Rows
 
 
-def executed(
+def moment_pool(
     world: World, options: Sequence[Option], starts: Rows, noise: float, rng: np.random.Generator
 ) -> MomentPool:
-    """Run the chain open loop from `starts` [N], each with an error of up to `noise` times its own."""
+    """Moments of the open-loop chain from `starts` [N], each with an error of up to `noise` times its own."""
     factor = noise * rng.random((len(starts), 1, 1))
     noisy = replace(starts, noise=starts.noise * factor)
     run = chain.run(world, options, noisy, stop_on_failure=False)
     ends = run.ends.take(~run.diverged[run.ends.episode])
     sets = [noisy, *(ends.rows.take(ends.option == index) for index in range(len(options)))]
-    return MomentPool(tuple(known_exactly(rows) for rows in sets[:-1]), known_exactly(Rows.join(sets)))
+    return MomentPool(tuple(without_noise(rows) for rows in sets[:-1]), without_noise(Rows.join(sets)))
 
 
 def sample(
@@ -96,7 +96,7 @@ def sample(
     timing: Timing,
     rng: np.random.Generator,
 ) -> tuple[Rows, BoolArray]:
-    """At most `count` rows around the starts of `skill`, and which of them were moved.
+    """At most `count` rows around the starts of `skill`, and which of them a motion of the hand led to.
 
     One that diverges, or does not arrive, is left out.
 
@@ -111,19 +111,19 @@ def sample(
         timing: of the motions.
         rng: decides everything.
     """
-    moved = round(vicinity.moved * count)
-    reached = pool.starts[skill].take(rng.integers(len(pool.starts[skill]), size=count - moved))
-    if not moved:
-        return reached, np.zeros(count, dtype=np.bool_)
-    before = pool.moments.take(rng.integers(len(pool.moments), size=moved))
-    wanted = good.sample(rng, moved)
-    width = vicinity.spread * rng.random((moved, 1)) * symbols.far
-    wanted = wanted + width * rng.standard_normal(wanted.shape)
-    seen, closed = world.observe(before), symbols.closed(wanted)
-    pos, quat = symbols.hand(seen, wanted)
-    parameters = straight(seen, pos, quat, closed).reshape(moved, WAYPOINTS, 7)
-    parameters[rng.random(moved) < 0.5, : WAYPOINTS - 1, 6] = -1.0
-    arrivals = execute(world, before, parameters.reshape(moved, -1), timing)
+    motions = round(vicinity.moved * count)
+    starts = pool.starts[skill].take(rng.integers(len(pool.starts[skill]), size=count - motions))
+    if not motions:
+        return starts, np.zeros(count, dtype=np.bool_)
+    before = pool.moments.take(rng.integers(len(pool.moments), size=motions))
+    goals = good.sample(rng, motions)
+    width = vicinity.spread * rng.random((motions, 1)) * symbols.far
+    goals = goals + width * rng.standard_normal(goals.shape)
+    observation = world.observe(before)
+    pos, quat = symbols.hand(observation, goals)
+    parameters = straight(observation, pos, quat, symbols.fingers_closed(goals)).reshape(motions, WAYPOINTS, 7)
+    parameters[rng.random(motions) < 0.5, : WAYPOINTS - 1, 6] = -1.0
+    arrivals = execute(world, before, parameters.reshape(motions, -1), timing)
     away_m = np.linalg.norm(world.privileged(arrivals.last)["grip_pos_m"] - pos, axis=1)
     sound = arrivals.last.take((away_m <= vicinity.arrival_m) & ~arrivals.diverged)
-    return Rows.join([reached, sound]), np.repeat([False, True], [len(reached), len(sound)])
+    return Rows.join([starts, sound]), np.repeat([False, True], [len(starts), len(sound)])

@@ -51,20 +51,20 @@ class ChoiceConfig(ConfigSection):
 
     @property
     def key(self) -> str:
-        """What the registry knows it by."""
+        """Its key in the registry."""
         return self.target or self.name
 
     @field_validator("target")
     @classmethod
-    def _importable(cls, target: str | None) -> str | None:
+    def _check_target(cls, target: str | None) -> str | None:
         if target is not None and ":" not in target:
             raise ValueError("it has no colon; write 'package.module:attribute'")
-        return None if target is None else _registered(cls.registry, target)
+        return None if target is None else _check_registry(cls.registry, target)
 
     @field_validator("name")
     @classmethod
-    def _known(cls, name: str, info: ValidationInfo) -> str:
-        return name if info.data.get("target") else _registered(cls.registry, name)
+    def _check_name(cls, name: str, info: ValidationInfo) -> str:
+        return name if info.data.get("target") else _check_registry(cls.registry, name)
 
     @model_serializer(mode="wrap")
     def _without_absent_target(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
@@ -73,7 +73,7 @@ class ChoiceConfig(ConfigSection):
         return {key: values[key] for key in ("name", *values) if key != "target" or values[key] is not None}
 
 
-def _registered(registry: Registry[Any], key: str) -> str:
+def _check_registry(registry: Registry[Any], key: str) -> str:
     try:
         return registry.check(key)
     except P2LError as error:
@@ -112,14 +112,14 @@ class StageConfig(ConfigSection):
         return "all"
 
 
-def resolve(composed: DictConfig) -> dict[str, Any]:
+def resolve(config: DictConfig) -> dict[str, Any]:
     """Plain data of a composed configuration; the preset's table of budgets (`experiment`) has done its work and goes.
 
     Raises:
         ConfigError: an interpolation points nowhere, or a value is missing (`???`).
     """
     try:
-        data = cast(dict[str, Any], OmegaConf.to_container(composed, resolve=True, throw_on_missing=True))
+        data = cast(dict[str, Any], OmegaConf.to_container(config, resolve=True, throw_on_missing=True))
     except OmegaConfBaseException as error:
         raise ConfigError(f"configuration: {str(error).splitlines()[0]} (key '{error.full_key or '?'}')") from error
     return {key: value for key, value in data.items() if key not in ("experiment", "hydra")}
@@ -146,17 +146,17 @@ def validate(data: Mapping[str, Any], model: type[ModelT], where: str) -> ModelT
 def _line(problem: Mapping[str, Any], model: type[BaseModel]) -> str:
     place = tuple(problem["loc"])
     key = ".".join(str(part) for part in place) or "configuration"
-    given = str(problem["input"])
-    given = given if len(given) <= 80 else given[:77] + "..."
+    value = str(problem["input"])
+    value = value if len(value) <= 80 else value[:77] + "..."
     if problem["type"] == "extra_forbidden":
-        allowed = sorted(_section(model, place[:-1]).model_fields)
-        close = get_close_matches(str(place[-1]), allowed, n=1)
+        keys = sorted(_section(model, place[:-1]).model_fields)
+        close = get_close_matches(str(place[-1]), keys, n=1)
         hint = f"did you mean '{close[0]}'? " if close else ""
-        return f"{key}: unknown key; {hint}allowed: {', '.join(allowed)}"
+        return f"{key}: unknown key; {hint}allowed: {', '.join(keys)}"
     message = str(problem["msg"]).removeprefix("Value error, ")
     if problem["type"] == "missing":
         return f"{key}: missing"
-    return f"{key}: {message}" if not place else f"{key}: given {given!r}; {message[0].lower()}{message[1:]}"
+    return f"{key}: {message}" if not place else f"{key}: given {value!r}; {message[0].lower()}{message[1:]}"
 
 
 def _section(model: type[BaseModel], place: tuple[Any, ...]) -> type[BaseModel]:

@@ -80,8 +80,8 @@ class ChainRecoveriesConfig(WorldStageConfig):
 
     def alone(self, learner: str | None = None, seed: int | None = None) -> ChainRecoveriesConfig:
         """One run without what does not concern it: `learner` with `seed` of those that are compared, or its own."""
-        chosen = {} if learner is None else {"learner": self.learners[learner], "seed": seed}
-        return self.model_copy(update={**chosen, "compare": (), "seeds": (), "learners": {}, "records": None})
+        update = {} if learner is None else {"learner": self.learners[learner], "seed": seed}
+        return self.model_copy(update={**update, "compare": (), "seeds": (), "learners": {}, "records": None})
 
     @model_validator(mode="after")
     def _runs(self) -> ChainRecoveriesConfig:
@@ -133,7 +133,7 @@ class AblationConfig(ConfigSection):
 
 
 class EvaluateChainsConfig(WorldStageConfig):
-    """Stage `evaluate_chains`: the whole robot on start states that nobody has seen.
+    """Stage `evaluate_chains`: the whole robot on unseen start states.
 
     `learnt` is the folder of `chain_recoveries`: it holds policies/<learner>/s<seed>, rounds.csv and evaluations.csv.
     """

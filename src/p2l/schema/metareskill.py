@@ -10,17 +10,17 @@ from pydantic import AfterValidator, Field, model_validator
 from p2l.metareskill.choosers.table import CHOOSERS
 from p2l.metareskill.strategy_names import STRATEGIES
 from p2l.schema.base import ChoiceConfig, ConfigSection, Count, Positive, Probability
-from p2l.schema.recovery import DescribedWorldConfig, ExecutionsConfig, VideoConfig, WorldStageConfig
+from p2l.schema.recovery import ExecutionsConfig, SymbolicWorldConfig, VideoConfig, WorldStageConfig
 
 
-def known_strategy(name: str) -> str:
+def _check_strategy(name: str) -> str:
     """Refuse a strategy that does not exist."""
     if name not in STRATEGIES:
         raise ValueError(f"unknown strategy; allowed: {', '.join(STRATEGIES)}")
     return name
 
 
-Strategy = Annotated[str, AfterValidator(known_strategy)]
+Strategy = Annotated[str, AfterValidator(_check_strategy)]
 Share = Annotated[float, Field(gt=0, lt=1)]
 Steps = Annotated[tuple[Annotated[int, Field(ge=0)], ...], Field(min_length=3, max_length=3)]
 Seeds = Annotated[tuple[Annotated[int, Field(ge=0, lt=2**32)], ...], Field(min_length=1)]
@@ -45,7 +45,7 @@ class VicinityConfig(ConfigSection):
 class FitPreconditionsConfig(WorldStageConfig):
     """Stage `fit_preconditions`: Algorithm 2; see `p2l.preconditions.backwards.ChainingOptions`."""
 
-    world: DescribedWorldConfig
+    world: SymbolicWorldConfig
     trajectories: Annotated[int, Field(ge=4)]
     samples: Annotated[int, Field(ge=8)]
     components: Count
@@ -94,7 +94,7 @@ class RewardsConfig(ConfigSection):
 class RecoveryFilesConfig(WorldStageConfig):
     """A stage that works on failures, their modes and the preconditions."""
 
-    world: DescribedWorldConfig
+    world: SymbolicWorldConfig
     preconditions: Path
     modes: Path
 
@@ -128,7 +128,7 @@ class LearnRecoveriesConfig(RecoveryFilesConfig):
         return self.compare[0]
 
     @model_validator(mode="after")
-    def _known(self) -> LearnRecoveriesConfig:
+    def _check_names(self) -> LearnRecoveriesConfig:
         if unknown := sorted(set(self.compare) - set(self.choosers)):
             raise ValueError(f"compare names {', '.join(unknown)}; choosers has: {', '.join(self.choosers)}")
         if len(set(self.compare)) < len(self.compare) or len(set(self.seeds)) < len(self.seeds):
@@ -176,7 +176,7 @@ class EvaluateRecoveriesConfig(RecoveryFilesConfig):
         return "strategies"
 
     @model_validator(mode="after")
-    def _known(self) -> EvaluateRecoveriesConfig:
+    def _check_names(self) -> EvaluateRecoveriesConfig:
         if unknown := sorted(set(self.robosuite_seeds) - set(self.seeds)):
             raise ValueError(f"robosuite_seeds names {unknown}, which are not among seeds")
         for name in ("seeds", "strategies", "handles", "robosuite_seeds"):

@@ -12,7 +12,7 @@ from p2l.errors import P2LError
 from p2l.schema.base import StageConfig
 
 
-def _known_domains(names: tuple[str, ...]) -> tuple[str, ...]:
+def _check_domains(names: tuple[str, ...]) -> tuple[str, ...]:
     if not names:
         raise ValueError("name at least one domain")
     try:
@@ -47,7 +47,7 @@ class ReportConfig(ItemsConfig):
 class ConfigStageConfig(ItemsConfig):
     """Stage `config`: composes and validates the configuration of every other stage."""
 
-    domains: Annotated[tuple[str, ...], AfterValidator(_known_domains)]
+    domains: Annotated[tuple[str, ...], AfterValidator(_check_domains)]
 
     @model_validator(mode="after")
     def _no_item_twice(self) -> ConfigStageConfig:
@@ -60,9 +60,9 @@ class ConfigStageConfig(ItemsConfig):
                 raise ValueError(f"{kind} names {', '.join(apart)}; worlds has: {', '.join(self.worlds) or 'none'}")
             if len(set(names)) < len(names):
                 raise ValueError(f"{kind} names a world twice")
-        grouped = {*self.cluster_worlds, *self.recovery_worlds}
+        groups = {*self.cluster_worlds, *self.recovery_worlds}
         if both := [world for world in self.cluster_worlds if world in self.recovery_worlds]:
             raise ValueError(f"cluster_worlds and recovery_worlds both name {', '.join(both)}; one of them groups it")
-        if left := [world for world in self.worlds if world not in grouped]:
-            raise ValueError(f"neither cluster_worlds nor recovery_worlds names {', '.join(left)}, which worlds has")
+        if rest := [world for world in self.worlds if world not in groups]:
+            raise ValueError(f"neither cluster_worlds nor recovery_worlds names {', '.join(rest)}, which worlds has")
         return self

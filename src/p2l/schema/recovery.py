@@ -23,13 +23,13 @@ class WorldConfig(ChoiceConfig):
     registry = WORLDS
 
 
-class DescribedWorldConfig(WorldConfig):
+class SymbolicWorldConfig(WorldConfig):
     """A world that has symbols, so a skill graph (chapter 4)."""
 
     @model_validator(mode="after")
-    def _described(self) -> Self:
-        made = WORLDS.factory(self.key)
-        factory = made.func if isinstance(made, partial) else made
+    def _check_symbols(self) -> Self:
+        factory = WORLDS.factory(self.key)
+        factory = factory.func if isinstance(factory, partial) else factory
         if isinstance(factory, type) and not hasattr(factory, "symbols"):
             raise ValueError(f"{factory.__name__} has no symbols, so no skill graph; give it a method `symbols`")
         return self
@@ -122,8 +122,8 @@ class WatchConfig(WorldStageConfig):
 
     @property
     def method(self) -> str:
-        """What is shown."""
-        shown = "nominal" if self.failure is None else f"failure{self.failure}"
+        """What the video shows."""
+        name = "nominal" if self.failure is None else f"failure{self.failure}"
         if self.policy is None:
-            return shown
-        return "recovery" if self.failure is None else f"{shown}-recovery"
+            return name
+        return "recovery" if self.failure is None else f"{name}-recovery"

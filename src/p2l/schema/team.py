@@ -147,9 +147,9 @@ class PlanConfig(StudyStageConfig):
         if (self.tasks is None) != (self.transfer is None):
             missing = "transfer" if self.transfer is None else "tasks"
             raise ValueError(f"{missing} is missing; give tasks=<orders.csv> and transfer=<transfer.csv> together")
-        given = {"planner": self.planner != "auto", "order": self.order != "fixed", "gap": self.gap != 0.0}
-        if self.tasks is None and any(given.values()):
-            names = ", ".join(name for name, changed in given.items() if changed)
+        changes = {"planner": self.planner != "auto", "order": self.order != "fixed", "gap": self.gap != 0.0}
+        if self.tasks is None and any(changes.values()):
+            names = ", ".join(name for name, change in changes.items() if change)
             raise ValueError(f"{names}: only for your own tasks (tasks=… transfer=…); a study compares all planners")
         return self
 

@@ -123,12 +123,12 @@ class Engine:
         states[:, 1 : 1 + self.nq] = positions
         states[:, self.physics_size : self.physics_size + 3] = target_pos
         states[:, self.physics_size + 3 : self.physics_size + 7] = target_quat
-        given = dict(furniture or {})
-        if unknown := sorted(set(given) - set(self.furniture)):
+        poses = dict(furniture or {})
+        if unknown := sorted(set(poses) - set(self.furniture)):
             raise ConfigError(f"engine: no furniture {unknown}; the model has: {', '.join(self.furniture) or 'none'}")
         for place, name in enumerate(self.furniture, start=1):
             body = self.models[0].body(name)
-            pose = given.get(name, np.concatenate([body.pos, body.quat]))
+            pose = poses.get(name, np.concatenate([body.pos, body.quat]))
             states[:, self.physics_size + 7 * place : self.physics_size + 7 * place + 7] = pose
         return states
 
@@ -167,11 +167,11 @@ class Engine:
         target = before[:, None] * (1.0 - fraction) + after[:, None] * fraction
         target[..., 3:] /= np.linalg.norm(target[..., 3:], axis=-1, keepdims=True)
         path, sensors = self._roll(states, target, control, model_index)
-        ended = np.concatenate([path[:, -1], target[:, -1], states[:, self.physics_size + 7 :]], axis=1)
+        end_states = np.concatenate([path[:, -1], target[:, -1], states[:, self.physics_size + 7 :]], axis=1)
         # After a MuJoCo warning `rollout` repeats the last state, so the clock stands still or values are not finite.
         due = states[:, 0] + (self.physics_steps - 0.5) * self.timestep_s
         diverged = ~np.isfinite(path[:, -1]).all(axis=1) | (path[:, -1, 0] < due)
-        return Chunk(states=ended, sensors=sensors, diverged=diverged)
+        return Chunk(states=end_states, sensors=sensors, diverged=diverged)
 
     def sense(self, states: Array, control: Array, model_index: IntArray) -> Array:
         """[N, D] what the sensors read in these states, before any step; arguments as in `step`."""
@@ -202,7 +202,7 @@ class Engine:
             physics,
             inputs,
             control_spec=_INPUT,
-            skip_checks=True,  # `_check` has seen the shapes; rollout's own look at every row's model costs a tenth
+            skip_checks=True,  # `_check` has tested the shapes; rollout's own check of every row's model costs a tenth
             nstep=steps,
             state=path,
             sensordata=sensors,
@@ -228,18 +228,18 @@ class Engine:
 
     def _check(self, states: Array, pos: Array, quat: Array, control: Array, index: IntArray) -> None:
         rows = len(states)
-        wanted = {
+        inputs = {
             "states": (states, (rows, self.state_size)),
             "target_pos": (pos, (rows, 3)),
             "target_quat": (quat, (rows, 4)),
             "control": (control, (rows, len(self.control_names))),
             "model_index": (index, (rows,)),
         }
-        for name, (array, shape) in wanted.items():
+        for name, (array, shape) in inputs.items():
             if array.shape != shape:
                 raise ShapeError(f"engine.step: {name} has shape {array.shape}; expected {shape}")
         for name in ("states", "target_pos", "target_quat", "control"):
-            if not np.isfinite(wanted[name][0]).all():
+            if not np.isfinite(inputs[name][0]).all():
                 raise ShapeError(f"engine.step: {name} holds NaN or infinity")
 
 

@@ -21,7 +21,7 @@ class Drawer:
 
     Args:
         engine: whose states are drawn.
-        model: the twin of one of its models that has visuals.
+        model: one of its models with visual geoms.
         width, height: of the pictures, pixels.
         samples: of a pixel, against ragged edges.
     """
@@ -32,11 +32,11 @@ class Drawer:
         self._model.vis.quality.shadowsize = 1024
         self._model.vis.quality.offsamples = samples
         self._data = mujoco.MjData(self._model)
-        self._shown = mujoco.MjvOption()
-        self._shown.geomgroup[:] = 0
-        # robosuite's collision geoms are group 0 and would be drawn over the visual ones, which are group 1.
-        self._shown.geomgroup[1 if (self._model.geom_group == 1).any() else 0] = 1
-        self._shown.sitegroup[:] = 0
+        self._scene_option = mujoco.MjvOption()
+        self._scene_option.geomgroup[:] = 0
+        # robosuite's collision geoms are group 0 and would hide the visual ones, which are group 1.
+        self._scene_option.geomgroup[1 if (self._model.geom_group == 1).any() else 0] = 1
+        self._scene_option.sitegroup[:] = 0
         self._scene = mujoco.MjvScene(self._model, maxgeom=2000)
         self._target = mujoco.MjrContext(self._model, mujoco.mjtFontScale.mjFONTSCALE_100.value)
         self._rect = mujoco.MjrRect(0, 0, width, height)
@@ -55,7 +55,7 @@ class Drawer:
         camera.lookat[:] = lookat_m
         camera.azimuth, camera.elevation, camera.distance = azimuth_deg, elevation_deg, distance_m
         every = mujoco.mjtCatBit.mjCAT_ALL.value
-        mujoco.mjv_updateScene(self._model, self._data, self._shown, None, camera, every, self._scene)
+        mujoco.mjv_updateScene(self._model, self._data, self._scene_option, None, camera, every, self._scene)
         mujoco.mjr_render(self._rect, self._scene, self._target)
         pixels = np.empty((self._rect.height, self._rect.width, 3), dtype=np.uint8)
         mujoco.mjr_readPixels(pixels, None, self._rect, self._target)

@@ -16,7 +16,7 @@ from p2l.records import Array
 from p2l.sim.scene import GRIP_SITE, Scene
 
 _STEP_S = 0.1
-_TRIES = 60
+_ITERATIONS = 60
 
 
 def reach(
@@ -29,9 +29,9 @@ def reach(
     tolerance_m: float = 1e-3,
     tolerance_rad: float = 1e-2,
 ) -> Array | None:
-    """[J] joint angles of the arm, rad, with the grip site at a pose, or None where none is found.
+    """[J] joint angles of the arm, rad, with the grip site at a pose, or None where no posture reaches it.
 
-    Of all postures found it returns the one that stays farthest from the joint limits.
+    Of several postures it returns the one that stays farthest from the joint limits.
 
     Args:
         scene: with the arm.
@@ -45,31 +45,33 @@ def reach(
     task = mink.FrameTask(GRIP_SITE, "site", position_cost=1.0, orientation_cost=0.3, lm_damping=1e-3)
     task.set_target(mink.SE3.from_rotation_and_translation(mink.SO3(np.asarray(quat_world)), np.asarray(pos_world)))
     for start in starts:
-        if (found := _solve(scene, task, start, tolerance_m, tolerance_rad)) is not None:
-            return found
+        if (posture := _solve(scene, task, start, tolerance_m, tolerance_rad)) is not None:
+            return posture
     low, high = np.array([scene.model.joint(name).range for name in scene.arm_joints]).T
     spread = qmc.Halton(len(low), scramble=False).random(restarts + 1)[1:]
-    tried = [scene.home, *(low + (high - low) * (0.1 + 0.8 * spread))]
-    found_all = [_solve(scene, task, start, tolerance_m, tolerance_rad) for start in tried]
-    good = [found for found in found_all if found is not None]
-    return max(good, key=lambda q: float((np.minimum(q - low, high - q) / (high - low)).min())) if good else None
+    candidates = [scene.home, *(low + (high - low) * (0.1 + 0.8 * spread))]
+    solutions = [_solve(scene, task, start, tolerance_m, tolerance_rad) for start in candidates]
+    postures = [posture for posture in solutions if posture is not None]
+    if not postures:
+        return None
+    return max(postures, key=lambda q: float((np.minimum(q - low, high - q) / (high - low)).min()))
 
 
 def _solve(scene: Scene, task: mink.FrameTask, start: Array, tolerance_m: float, tolerance_rad: float) -> Array | None:
     model = scene.model
     addresses = [int(model.joint(name).qposadr[0]) for name in scene.arm_joints]
     dofs = [int(model.joint(name).dofadr[0]) for name in scene.arm_joints]
-    frozen = [dof for dof in range(model.nv) if dof not in dofs]
+    other_dofs = [dof for dof in range(model.nv) if dof not in dofs]
     limits = [mink.ConfigurationLimit(model)]
     configuration = mink.Configuration(model)
     q = configuration.q.copy()
     q[addresses] = start
     configuration.update(q)
-    for _ in range(_TRIES):
+    for _ in range(_ITERATIONS):
         error = task.compute_error(configuration)
         if np.linalg.norm(error[:3]) < tolerance_m and np.linalg.norm(error[3:]) < tolerance_rad:
             return np.array(configuration.q[addresses])
         velocity = mink.solve_ik(configuration, [task], _STEP_S, "quadprog", damping=1e-6, limits=limits)
-        velocity[frozen] = 0.0
+        velocity[other_dofs] = 0.0
         configuration.integrate_inplace(velocity, _STEP_S)
     return None

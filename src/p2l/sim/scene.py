@@ -1,4 +1,4 @@
-"""From robosuite's arenas, arms and objects to a model with impedance inside, and a twin that is only drawn.
+"""From robosuite's arenas, arms and objects to a model with impedance inside, and a second one with the visuals.
 
 robosuite composes the scene; its torque motors, its mocap bodies and every visual geom leave, and what the batched
 engine needs enters: gravity compensation of the robot, the impedance of `sim.model`, named sensors, and furniture
@@ -68,15 +68,15 @@ class Scene:
 
     Attributes:
         model: for the engine; no visual geom.
-        drawn: the same joints and bodies with visuals, for videos.
+        visual_model: the same joints and bodies with visual geoms, for videos.
         arm_joints: names of the arm's joints, in order.
         home: [J] robosuite's own start posture of the arm, rad.
-        physics: what it was made with.
+        physics: its numbers.
         fingers: control of each finger's actuator when open and when closed.
     """
 
     model: mujoco.MjModel
-    drawn: mujoco.MjModel
+    visual_model: mujoco.MjModel
     arm_joints: tuple[str, ...]
     home: Array
     physics: Physics
@@ -92,7 +92,7 @@ class Parts:
         objects: robosuite objects, free or fixed.
         base_pos_world: [3] of the robot's base, m (robosuite adds the height of its mount).
         furniture: bodies whose pose is state; each must be a child of the world without a joint.
-        tracked: bodies that get the sensors `<name>_pos` and `<name>_quat`, by sensor name.
+        pose_sensors: bodies that get the sensors `<name>_pos` and `<name>_quat`, by `<name>`.
         edit: last changes of the spec, e.g. another handle; called before the model is compiled.
     """
 
@@ -100,7 +100,7 @@ class Parts:
     objects: Sequence[object]
     base_pos_world: Sequence[float]
     furniture: tuple[str, ...] = ()
-    tracked: dict[str, str] = field(default_factory=dict)
+    pose_sensors: dict[str, str] = field(default_factory=dict)
     edit: Callable[[mujoco.MjSpec], None] | None = None
 
 
@@ -125,23 +125,23 @@ def build(arm: str, parts: Parts, physics: Physics) -> Scene:
     def spec() -> mujoco.MjSpec:
         return _robot_spec(xml, parts, physics, joints)
 
-    model, drawn = finish(spec, GRIP_SITE, parts.tracked, parts.furniture, physics)
-    return Scene(model, drawn, joints, home, physics, fingers)
+    model, visual_model = finish(spec, GRIP_SITE, parts.pose_sensors, parts.furniture, physics)
+    return Scene(model, visual_model, joints, home, physics, fingers)
 
 
 def finish(
     spec: Callable[[], mujoco.MjSpec],
     grip_site: str,
-    tracked: Mapping[str, str],
+    pose_sensors: Mapping[str, str],
     furniture: Sequence[str],
     physics: Physics,
 ) -> tuple[mujoco.MjModel, mujoco.MjModel]:
     """Put impedance, sensors and furniture into a scene and compile it, without visuals and with them.
 
     Args:
-        spec: makes the scene; called twice, since a spec is changed by being prepared.
+        spec: makes the scene; called twice, since the preparation changes a spec.
         grip_site: the site that follows the impedance target; it gets the sensors `grip_pos` and `grip_quat`.
-        tracked: body or site behind each further pair of sensors, by sensor name.
+        pose_sensors: body or site of each further pair of sensors, by the name before `_pos` and `_quat`.
         furniture: bodies whose pose is part of the state.
         physics: of the simulation.
 
@@ -149,22 +149,23 @@ def finish(
         ConfigError: a body or site that the scene does not have.
     """
     return (
-        _compile(spec(), grip_site, tracked, furniture, physics, visuals=False),
-        _compile(spec(), grip_site, tracked, furniture, physics, visuals=True),
+        _compile(spec(), grip_site, pose_sensors, furniture, physics, visuals=False),
+        _compile(spec(), grip_site, pose_sensors, furniture, physics, visuals=True),
     )
 
 
 def variant(scene: Scene, edit: Callable[[mujoco.MjModel], None]) -> Scene:
     """The same scene with numbers of its models changed in place (sizes, masses, friction), without compiling again."""
-    return dataclasses.replace(scene, model=edited(scene.model, edit), drawn=edited(scene.drawn, edit))
+    model, visual_model = model_variant(scene.model, edit), model_variant(scene.visual_model, edit)
+    return dataclasses.replace(scene, model=model, visual_model=visual_model)
 
 
-def edited(model: mujoco.MjModel, edit: Callable[[mujoco.MjModel], None]) -> mujoco.MjModel:
+def model_variant(model: mujoco.MjModel, edit: Callable[[mujoco.MjModel], None]) -> mujoco.MjModel:
     """A copy of a compiled model with numbers changed in place; what MuJoCo derives from masses follows."""
-    changed = copy.copy(model)
-    edit(changed)
-    mujoco.mj_setConst(changed, mujoco.MjData(changed))
-    return changed
+    model = copy.copy(model)
+    edit(model)
+    mujoco.mj_setConst(model, mujoco.MjData(model))
+    return model
 
 
 def _robot_spec(xml: str, parts: Parts, physics: Physics, joints: tuple[str, ...]) -> mujoco.MjSpec:
@@ -194,7 +195,7 @@ def _robot_spec(xml: str, parts: Parts, physics: Physics, joints: tuple[str, ...
 def _compile(
     spec: mujoco.MjSpec,
     grip_site: str,
-    tracked: Mapping[str, str],
+    pose_sensors: Mapping[str, str],
     furniture: Sequence[str],
     physics: Physics,
     *,
@@ -203,7 +204,7 @@ def _compile(
     add_impedance(spec, Impedance(grip_site, physics.damping_linear, physics.damping_angular))
     for name in furniture:
         _body(spec, name).mocap = True
-    for name, on in {"grip": grip_site, **tracked}.items():
+    for name, on in {"grip": grip_site, **pose_sensors}.items():
         site = spec.site(on) is not None
         kind = mujoco.mjtObj.mjOBJ_SITE if site else mujoco.mjtObj.mjOBJ_XBODY  # BODY would be the frame of its inertia
         on_name = on if site else _body(spec, on).name
@@ -212,18 +213,18 @@ def _compile(
     if not visuals:
         for geom in [geom for geom in spec.geoms if geom.contype == 0 and geom.conaffinity == 0]:
             spec.delete(geom)
-        _drop_unseen(spec)
+        _drop_visual_assets(spec)
     spec.option.timestep = physics.timestep_s
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     return spec.compile()
 
 
-def _drop_unseen(spec: mujoco.MjSpec) -> None:
+def _drop_visual_assets(spec: mujoco.MjSpec) -> None:
     """Delete the meshes, materials and textures that nothing collides with: 60 MB become 3, and copies are cheap."""
-    used = {geom.meshname for geom in spec.geoms}
+    collision_meshes = {geom.meshname for geom in spec.geoms}
     for geom in spec.geoms:
         geom.material = ""
-    for part in [*(mesh for mesh in spec.meshes if mesh.name not in used), *spec.materials, *spec.textures]:
+    for part in [*(mesh for mesh in spec.meshes if mesh.name not in collision_meshes), *spec.materials, *spec.textures]:
         spec.delete(part)
 
 

@@ -87,7 +87,7 @@ class Execution:
 def in_order(options: Sequence[Option]) -> Choose:
     """The plain chain: each option is followed by the next, the last by the end."""
     count = len(options)
-    return lambda ended: np.where(ended.option + 1 < count, ended.option + 1, FINISH)
+    return lambda moments: np.where(moments.option + 1 < count, moments.option + 1, FINISH)
 
 
 def run(
@@ -113,8 +113,8 @@ def run(
             Asked also after a timeout, and after a flag where failures do not stop an episode.
         stop_on_failure: a detector's flag ends the episode.
         slots: episodes that run at once.
-        progress: told the number of episodes finished since the last call.
-        watch: told after every control step which episodes were busy, at which control step each is, and their rows;
+        progress: called with the number of episodes finished since the last call.
+        watch: called after every control step with the busy episodes, the control step of each, and their rows;
             the end of an option comes at the control step of its last motion.
     """
     count = len(rows)
@@ -122,7 +122,7 @@ def run(
     begin = np.zeros(count, dtype=np.int64) if first is None else np.asarray(first, dtype=np.int64)
     runner = Runner(world, options, min(slots, max(count, 1)), stop_on_failure=stop_on_failure)
     episode = np.full(len(runner.busy), -1, dtype=np.int64)
-    kept: list[Moments] = []
+    parts: list[Moments] = []
     waiting = 0
     free = np.arange(len(runner.busy))
     while waiting < count or runner.busy.any():
@@ -136,19 +136,19 @@ def run(
         events = runner.advance()
         if watch is not None:
             watch(episode[busy], runner.steps_total[busy], runner.rows.take(busy))
-        ended = _moments(runner, episode, events.slot, events.reason, events.kind)
-        if len(ended):
-            kept.append(ended)
-        over = (ended.reason == Reason.FAILED) | (ended.reason == Reason.DIVERGED)
-        nexts = np.full(len(ended), FINISH, dtype=np.int64)
+        moments = _moments(runner, episode, events.slot, events.reason, events.kind)
+        if len(moments):
+            parts.append(moments)
+        over = (moments.reason == Reason.FAILURE) | (moments.reason == Reason.DIVERGENCE)
+        nexts = np.full(len(moments), FINISH, dtype=np.int64)
         if (~over).any():
-            nexts[~over] = following(ended.take(~over))
+            nexts[~over] = following(moments.take(~over))
         if (going := nexts != FINISH).any():
             runner.begin(events.slot[going], nexts[going])
         free = np.flatnonzero(~runner.busy)
         if progress is not None and (~going).any():
             progress(int((~going).sum()))
-    return _execution(world, kept, count)
+    return _execution(world, parts, count)
 
 
 def _moments(runner: Runner, episode: IntArray, slot: IntArray, reason: IntArray, kind: IntArray) -> Moments:
@@ -164,13 +164,13 @@ def _moments(runner: Runner, episode: IntArray, slot: IntArray, reason: IntArray
     )
 
 
-def _execution(world: World, kept: Sequence[Moments], count: int) -> Execution:
-    joined = Moments.join(kept)
-    ends = joined.take(np.lexsort((np.arange(len(joined)), joined.episode)))
+def _execution(world: World, parts: Sequence[Moments], count: int) -> Execution:
+    moments = Moments.join(parts)
+    ends = moments.take(np.lexsort((np.arange(len(moments)), moments.episode)))
     final = np.flatnonzero(np.append(ends.episode[1:] != ends.episode[:-1], True))
     last = ends.take(final)
-    diverged = last.reason == Reason.DIVERGED
-    success = world.goal(last.rows) & ~diverged & (last.reason != Reason.FAILED)
+    diverged = last.reason == Reason.DIVERGENCE
+    success = world.goal(last.rows) & ~diverged & (last.reason != Reason.FAILURE)
     if len(last) != count:
         raise AssertionError(f"{count} episodes were started and {len(last)} ended")
     return Execution(last, ends, success, diverged)

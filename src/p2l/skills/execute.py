@@ -33,7 +33,7 @@ class Arrivals:
         return self.legs[-1]
 
 
-def known_exactly(rows: Rows) -> Rows:
+def without_noise(rows: Rows) -> Rows:
     """The same moments without any error of the estimator.
 
     "We optimistically assume the state becomes fully observable after the robot ends up in a failure state" (thesis,
@@ -44,22 +44,23 @@ def known_exactly(rows: Rows) -> Rows:
 
 def execute(world: World, rows: Rows, parameters: Array, timing: Timing) -> Arrivals:
     """Carry out one motion [N, P] from each of `rows`."""
-    option = relative("relative", lambda _seen: parameters, timing)
+    option = relative("relative", lambda _observation: parameters, timing)
     memory = option.begin(world.observe(rows))
     diverged = np.zeros(len(rows), dtype=np.bool_)
     ends = np.cumsum(timing.legs)
     legs = []
     for step in range(option.max_steps):
         decision = option.decide(world.observe(rows), memory, np.full(len(rows), step))
-        after, _, broken = advance(world, rows, decision.command)
-        diverged |= broken
-        rows = after if not diverged.any() else _merged(rows, after, ~diverged)
+        after, _, divergence = advance(world, rows, decision.command)
+        diverged |= divergence
+        rows = after if not diverged.any() else _merge(rows, after, ~diverged)
         if step + 1 in ends:
             legs.append(rows)
     return Arrivals(tuple(legs), diverged)
 
 
-def _merged(before: Rows, after: Rows, sound: BoolArray) -> Rows:
-    kept = before.take(np.arange(len(before)))
-    kept.put(sound, after.take(sound))
-    return kept
+def _merge(before: Rows, after: Rows, sound: BoolArray) -> Rows:
+    """The rows `after` where they are `sound` [N], else those `before`."""
+    rows = before.take(np.arange(len(before)))
+    rows.put(sound, after.take(sound))
+    return rows

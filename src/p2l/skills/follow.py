@@ -64,20 +64,22 @@ class Follow:
         """As written by hand."""
         return self.ready(truth)
 
-    def begin(self, seen: Observation) -> Array:
+    def begin(self, observation: Observation) -> Array:
         """The plan, after the present target."""
-        way = self.plan(seen)
-        start = np.concatenate([seen["target_pos_m"], seen["target_quat"], np.zeros((len(seen), 1))], axis=1)
+        way = self.plan(observation)
+        start = np.concatenate(
+            [observation["target_pos_m"], observation["target_quat"], np.zeros((len(observation), 1))], axis=1
+        )
         points = np.concatenate([way.pos, way.quat, way.grip[..., None]], axis=2)
-        return np.concatenate([start[:, None], points], axis=1).reshape(len(seen), -1)
+        return np.concatenate([start[:, None], points], axis=1).reshape(len(observation), -1)
 
-    def decide(self, seen: Observation, memory: Array, step: IntArray) -> OptionStep:
+    def decide(self, observation: Observation, memory: Array, step: IntArray) -> OptionStep:
         """The pose on the present leg at the end of the next control step."""
-        points = memory.reshape(len(seen), len(self.legs) + 1, 8)
+        points = memory.reshape(len(observation), len(self.legs) + 1, 8)
         ends = np.cumsum(self.legs)
         leg = np.minimum(np.searchsorted(ends, step, side="right"), len(ends) - 1)
         moving = np.maximum(np.asarray(self.legs) - np.asarray(self.settle), 1)
-        rows = np.arange(len(seen))
+        rows = np.arange(len(observation))
         fraction = np.clip((step - (ends - self.legs)[leg] + 1) / moving[leg], 0.0, 1.0)
         before, after = points[rows, leg], points[rows, leg + 1]
         pos = before[:, :3] + fraction[:, None] * (after[:, :3] - before[:, :3])

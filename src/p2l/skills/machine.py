@@ -4,12 +4,12 @@ Thesis, section 5.4.1, "Nominal Skills": "Each controller is implemented as a st
 for the robot end-effector in the Cartesian space based on its current state. The target end-effector pose is then
 achieved using task-space impedance control with fixed impedance."
 
-The impedance target runs ahead of the arm at a bounded pace towards the goal of the present phase; the goal is asked
-for anew at every control step. A row remembers its phase, how long it has been in it, how far the fingers were open
+The impedance target runs ahead of the arm at a bounded pace towards the goal of the present phase; the goal is computed
+anew at every control step. A row remembers its phase, how long it has been in it, how far the fingers were open
 before, and the orientation that was chosen at the start. Nothing of the way so far counts, so an option may start from
-any state: `enter` says which phase fits what is observed. Machines that are `linked` are asked together.
+any state: `enter` says which phase fits what is observed. Machines of one `group` decide in one batch.
 
-Axis letters: N rows, P phases of all machines that are asked together.
+Axis letters: N rows, P phases of all machines of a group.
 """
 
 from __future__ import annotations
@@ -69,7 +69,7 @@ class Machine:
         ready: the hand-written precondition.
         enter: [N] phase to begin with; the first without it.
         pace_rad: the target turns at most so far in a control step.
-        linked: phases of all machines that are asked together with this one; its own alone without any.
+        group: phases of all machines that decide in one batch with this one; its own alone without any.
         first: place of its own first phase among them.
     """
 
@@ -79,7 +79,7 @@ class Machine:
     ready: Callable[[Privileged], BoolArray]
     enter: Callable[[Observation], IntArray] | None = None
     pace_rad: float = 0.25
-    linked: tuple[Phase, ...] = ()
+    group: tuple[Phase, ...] = ()
     first: int = 0
 
     @property
@@ -101,44 +101,44 @@ class Machine:
         """As written by hand."""
         return self.ready(truth)
 
-    def begin(self, seen: Observation) -> Array:
+    def begin(self, observation: Observation) -> Array:
         """The phase that fits, and the orientation to hold."""
-        memory = np.zeros((len(seen), MEMORY))
-        memory[:, _PHASE] = self.first + (0 if self.enter is None else self.enter(seen))
+        memory = np.zeros((len(observation), MEMORY))
+        memory[:, _PHASE] = self.first + (0 if self.enter is None else self.enter(observation))
         memory[:, _GAP] = np.inf
-        memory[:, _QUAT] = self.orient(seen)
+        memory[:, _QUAT] = self.orient(observation)
         memory[:, _END] = self.first + len(self.phases)
         return memory
 
-    def decide(self, seen: Observation, memory: Array, step: IntArray) -> OptionStep:
+    def decide(self, observation: Observation, memory: Array, step: IntArray) -> OptionStep:
         """Change phase where the present one is over, then move the target on."""
         del step  # a machine counts in its phases
         memory = memory.copy()
-        goals = np.stack([phase.goal(seen) for phase in self._all])  # [P, N, 3]
-        gap = seen["gap_m"][:, 0]
-        over = self._over(seen, goals, memory, np.abs(gap - memory[:, _GAP]))
+        goals = np.stack([phase.goal(observation) for phase in self._all])  # [P, N, 3]
+        gap = observation["gap_m"][:, 0]
+        over = self._over(observation, goals, memory, np.abs(gap - memory[:, _GAP]))
         memory[over, _PHASE] += 1
         memory[over, _STEPS] = 0
         memory[:, _STEPS] += 1
         memory[:, _GAP] = gap
         done, index = memory[:, _PHASE] >= memory[:, _END], _present(memory)
-        goal = goals[index, np.arange(len(seen))]
-        pos = _towards(seen["target_pos_m"], goal, self._of["pace_m"][index])
-        quat = _turn(seen["target_quat"], memory[:, _QUAT], self.pace_rad)
+        goal = goals[index, np.arange(len(observation))]
+        pos = _towards(observation["target_pos_m"], goal, self._of["pace_m"][index])
+        quat = _turn(observation["target_quat"], memory[:, _QUAT], self.pace_rad)
         return OptionStep(Command(pos, quat, self._of["grip"][index]), memory, done)
 
-    def _over(self, seen: Observation, goals: Array, memory: Array, change_m: Array) -> BoolArray:
+    def _over(self, observation: Observation, goals: Array, memory: Array, change_m: Array) -> BoolArray:
         index, steps, of = _present(memory), memory[:, _STEPS], self._of
-        goal = goals[index, np.arange(len(seen))]
-        away = np.linalg.norm(seen["grip_pos_m"] - goal, axis=1)
-        turn = poses.angle(seen["grip_quat"], memory[:, _QUAT])
+        goal = goals[index, np.arange(len(observation))]
+        away = np.linalg.norm(observation["grip_pos_m"] - goal, axis=1)
+        turn = poses.angle(observation["grip_quat"], memory[:, _QUAT])
         there = (away < of["reached_m"][index]) & (turn < of["reached_rad"][index])
-        fingers = (change_m <= of["still_m"][index]) & (seen["gap_m"][:, 0] >= of["open_m"][index])
+        fingers = (change_m <= of["still_m"][index]) & (observation["gap_m"][:, 0] >= of["open_m"][index])
         return np.asarray((there & fingers & (steps >= of["at_least"][index])) | (steps >= of["limit"][index]))
 
     @cached_property
     def _all(self) -> tuple[Phase, ...]:
-        return self.linked or self.phases
+        return self.group or self.phases
 
     @cached_property
     def _of(self) -> dict[str, Array]:
@@ -148,10 +148,10 @@ class Machine:
 
 
 def link(machines: Sequence[Machine]) -> tuple[Machine, ...]:
-    """The same machines, asked together where they are equally fast."""
+    """The same machines as one group: those that are equally fast decide in one batch."""
     phases = tuple(phase for machine in machines for phase in machine.phases)
     firsts = np.cumsum([0, *(len(machine.phases) for machine in machines)]).tolist()
-    return tuple(replace(one, linked=phases, first=first) for one, first in zip(machines, firsts, strict=False))
+    return tuple(replace(one, group=phases, first=first) for one, first in zip(machines, firsts, strict=False))
 
 
 def _present(memory: Array) -> IntArray:

@@ -55,15 +55,15 @@ class Primitive:
         """Applicable everywhere."""
         return np.ones(len(truth), dtype=np.bool_)
 
-    def begin(self, seen: Observation) -> Array:
+    def begin(self, observation: Observation) -> Array:
         """The present target, the new one, and the gripper's command; a translation keeps the orientation asked for."""
-        turned = poses.rotation(seen["target_quat"])
-        pos = seen["grip_pos_m"] + poses.rotate(turned, self.shift_m)
-        quat = poses.quat(turned * self._turn)
-        grip = seen["grip_command"] if self.grip is None else np.full((len(seen), 1), self.grip)
-        return np.concatenate([seen["target_pos_m"], seen["target_quat"], pos, quat, grip], axis=1)
+        orientation = poses.rotation(observation["target_quat"])
+        pos = observation["grip_pos_m"] + poses.rotate(orientation, self.shift_m)
+        quat = poses.quat(orientation * self._turn)
+        grip = observation["grip_command"] if self.grip is None else np.full((len(observation), 1), self.grip)
+        return np.concatenate([observation["target_pos_m"], observation["target_quat"], pos, quat, grip], axis=1)
 
-    def decide(self, seen: Observation, memory: Array, step: IntArray) -> OptionStep:  # noqa: ARG002
+    def decide(self, observation: Observation, memory: Array, step: IntArray) -> OptionStep:  # noqa: ARG002
         """On the way to the new target, or there."""
         share = np.minimum((step + 1) / MOVE_STEPS, 1.0)
         pos = memory[:, :3] + share[:, None] * (memory[:, 7:10] - memory[:, :3])

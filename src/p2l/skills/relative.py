@@ -45,39 +45,41 @@ class Timing:
             raise ConfigError(f"motion: settle {self.settle} must be at least 0 and below legs {self.legs}")
 
 
-def waypoints(seen: Observation, parameters: Array) -> Waypoints:
+def waypoints(observation: Observation, parameters: Array) -> Waypoints:
     """The motion of N rows with `parameters` [N, P], from where the hand is."""
-    given = parameters.reshape(len(seen), WAYPOINTS, 7)
-    hand = poses.rotation(seen["grip_quat"])
-    pos = [seen["grip_pos_m"] + poses.rotate(hand, given[:, leg, :3]) for leg in range(WAYPOINTS)]
-    quat = [poses.quat(hand * Rotation.from_rotvec(given[:, leg, 3:6])) for leg in range(WAYPOINTS)]
-    return Waypoints(np.stack(pos, axis=1), np.stack(quat, axis=1), (given[:, :, 6] > 0.0).astype(np.float64))
+    legs = parameters.reshape(len(observation), WAYPOINTS, 7)
+    hand = poses.rotation(observation["grip_quat"])
+    pos = [observation["grip_pos_m"] + poses.rotate(hand, legs[:, leg, :3]) for leg in range(WAYPOINTS)]
+    quat = [poses.quat(hand * Rotation.from_rotvec(legs[:, leg, 3:6])) for leg in range(WAYPOINTS)]
+    return Waypoints(np.stack(pos, axis=1), np.stack(quat, axis=1), (legs[:, :, 6] > 0.0).astype(np.float64))
 
 
-def straight(seen: Observation, pos: Array, quat: Array, closed: BoolArray) -> Array:
+def straight(observation: Observation, pos: Array, quat: Array, fingers_closed: BoolArray) -> Array:
     """[N, P] parameters of the straight motion to a pose in two legs, the fingers as there from the start.
 
     The third leg rests at the pose, so that fingers that close do so where the hand has arrived.
 
     Args:
-        seen: N rows.
+        observation: N rows.
         pos: [N, 3] where the hand goes, world frame, m.
         quat: [N, 4].
-        closed: [N] whether the fingers are closed.
+        fingers_closed: [N] whether the fingers are closed at the pose.
     """
-    hand = poses.rotation(seen["grip_quat"]).inv()
-    away = poses.rotate(hand, pos - seen["grip_pos_m"])
+    hand = poses.rotation(observation["grip_quat"]).inv()
+    away = poses.rotate(hand, pos - observation["grip_pos_m"])
     turn = (hand * poses.rotation(quat)).as_rotvec()
-    grip = np.where(closed, 1.0, -1.0)[:, None]
+    grip = np.where(fingers_closed, 1.0, -1.0)[:, None]
     whole = np.concatenate([away, turn, grip], axis=1)
     share = np.array([0.5, 1.0, 1.0])
     shares = np.concatenate([np.tile(share[:, None], 6), np.ones((WAYPOINTS, 1))], axis=1)
-    return np.asarray((whole[:, None] * shares).reshape(len(seen), SIZE))
+    return np.asarray((whole[:, None] * shares).reshape(len(observation), SIZE))
 
 
 def relative(name: str, plan: Plan, timing: Timing) -> Follow:
-    """The option that plans [N, P] parameters from what is seen at its start; it may start anywhere."""
-    return Follow(name, lambda seen: waypoints(seen, plan(seen)), timing.legs, timing.settle, _anywhere)
+    """The option that plans [N, P] parameters from the observation at its start; it may start anywhere."""
+    return Follow(
+        name, lambda observation: waypoints(observation, plan(observation)), timing.legs, timing.settle, _anywhere
+    )
 
 
 def _anywhere(truth: Privileged) -> BoolArray:

@@ -64,10 +64,10 @@ def solve_temperature(returns: Array, epsilon: float, minimum: float = 1e-5) -> 
         return minimum
     # Shifting returns moves the dual by a constant, scaling them scales η: the search runs on unit spread.
     unit = (np.asarray(returns) - np.max(returns)) / spread
-    found = minimize_scalar(
+    optimum = minimize_scalar(
         lambda log_eta: dual(float(np.exp(log_eta)), unit, epsilon), bounds=(-12.0, 12.0), method="bounded"
     )
-    return max(minimum, float(np.exp(found.x)) * spread)
+    return max(minimum, float(np.exp(optimum.x)) * spread)
 
 
 def sample_weights(returns: Array, temperature: float) -> Array:
@@ -109,18 +109,17 @@ def update(
     if not 0.0 <= shrinkage <= 1.0:
         raise ConfigError(f"REPS: shrinkage must be in [0, 1], got {shrinkage}")
     sizes = {"P": len(search.mean)}
-    drawn = freeze("samples", samples, ("N", "P"), sizes)
+    samples = freeze("samples", samples, ("N", "P"), sizes)
     freeze("returns", returns, ("N",), sizes)
     weights = sample_weights(returns, solve_temperature(returns, epsilon, minimum_temperature))
-    mean = weights @ drawn
-    centred = drawn - mean
+    mean = weights @ samples
+    offsets = samples - mean
     # The unbiased weighted estimate divides by 1 − Σ w²; it vanishes when a single sample holds all the weight.
     scale = 1.0 - float((weights**2).sum())
-    covariance = (centred * weights[:, None]).T @ centred / scale if scale > 1e-6 else np.array(search.covariance)
+    covariance = (offsets * weights[:, None]).T @ offsets / scale if scale > 1e-6 else np.array(search.covariance)
     diagonal = np.diag(covariance)
     if floor is not None:
         diagonal = np.maximum(diagonal, floor)
-    shrunk = (1.0 - shrinkage) * covariance
-    np.fill_diagonal(shrunk, diagonal)
-    shrunk = shrunk + 1e-12 * np.eye(len(diagonal))
-    return SearchDistribution(mean=mean, covariance=shrunk)
+    covariance = (1.0 - shrinkage) * covariance
+    np.fill_diagonal(covariance, diagonal)
+    return SearchDistribution(mean=mean, covariance=covariance + 1e-12 * np.eye(len(diagonal)))

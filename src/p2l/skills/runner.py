@@ -28,10 +28,10 @@ from p2l.records import BoolArray, IntArray
 class Reason(IntEnum):
     """Why a slot needs a decision."""
 
-    ENDED = 0  # the option says it is done
+    TERMINATION = 0  # the option says it is done
     TIMEOUT = 1  # it has run for its maximal number of control steps
-    FAILED = 2  # a failure detector fired
-    DIVERGED = 3  # the simulation of this row broke down
+    FAILURE = 2  # a failure detector fired
+    DIVERGENCE = 3  # the simulation of this row broke down
 
 
 @dataclass(frozen=True)
@@ -107,23 +107,23 @@ class Runner:
         self.path_m[slots] = 0.0
         self.muted[slots] = muted
 
-    def begin(self, slots: IntArray, option: IntArray, seen: Observation | None = None) -> None:
+    def begin(self, slots: IntArray, option: IntArray, observation: Observation | None = None) -> None:
         """The next `option` [K] of the episodes in `slots` [K]; forgets the flags of the option before.
 
         Args:
             slots: [K].
             option: [K] what drives them.
-            seen: [K] of their rows, from who has it already.
+            observation: [K] of their rows, if it is there already.
         """
         self.busy[slots] = True
         self.option[slots] = option
         self.step[slots] = 0
         self.kind[slots] = NO_FAILURE
-        if seen is None:
-            seen = self.world.observe(self.rows.take(slots))
+        if observation is None:
+            observation = self.world.observe(self.rows.take(slots))
         for index in np.unique(option):
             where = np.flatnonzero(option == index)
-            memory = self.options[index].begin(seen.take(where))
+            memory = self.options[index].begin(observation.take(where))
             self._memory[slots[where], : memory.shape[1]] = memory
 
     def stop(self, slots: IntArray) -> None:
@@ -136,19 +136,19 @@ class Runner:
         command, done = self._decide(live)
         late = ~done & (self.step[live] >= self._limits[self.option[live]])
         reason = np.full(len(live), -1, dtype=np.int64)
-        reason[done], reason[late] = Reason.ENDED, Reason.TIMEOUT
+        reason[done], reason[late] = Reason.TERMINATION, Reason.TIMEOUT
         moving = np.flatnonzero(~(done | late))
         if len(moving):
             part = Command(command.pos[moving], command.quat[moving], command.grip[moving])
             reason[moving] = self._move(live[moving], part)
-        told = np.flatnonzero(reason >= 0)
-        slots = live[told]
+        stops = np.flatnonzero(reason >= 0)
+        slots = live[stops]
         self.busy[slots] = False
         self.rows.actions[slots] += 1
-        return Events(slots, reason[told], self.kind[slots].copy())
+        return Events(slots, reason[stops], self.kind[slots].copy())
 
     def _decide(self, live: IntArray) -> tuple[Command, BoolArray]:
-        seen = self.world.observe(self.rows.take(live))
+        observation = self.world.observe(self.rows.take(live))
         pos, quat, grip = np.empty((len(live), 3)), np.empty((len(live), 4)), np.empty(len(live))
         done = np.zeros(len(live), dtype=np.bool_)
         group = self._group[self.option[live]]
@@ -156,7 +156,7 @@ class Runner:
             option = self.options[index]
             where = np.flatnonzero(group == index)
             slots, size = live[where], option.memory_size
-            decision = option.decide(seen.take(where), self._memory[slots, :size], self.step[slots])
+            decision = option.decide(observation.take(where), self._memory[slots, :size], self.step[slots])
             self._memory[slots, :size] = decision.memory
             pos[where], quat[where] = decision.command.pos, decision.command.quat
             grip[where], done[where] = decision.command.grip, decision.done
@@ -166,19 +166,19 @@ class Runner:
         """Carry `slots` through one control step; why each stops, or −1."""
         before = self.rows.take(slots)
         after, kind, diverged = advance(self.world, before, command)
-        kept = np.flatnonzero(~diverged)
-        self.rows.put(slots[kept], after.take(kept))  # a diverged row keeps its last sound moment
+        sound = np.flatnonzero(~diverged)
+        self.rows.put(slots[sound], after.take(sound))  # a diverged row keeps its last sound moment
         self.step[slots] += 1
         self.steps_total[slots] += 1
-        way = after.sensors[kept, self._grip] - before.sensors[kept, self._grip]
-        self.path_m[slots[kept]] += np.linalg.norm(way, axis=1)
-        raised = (kind != NO_FAILURE) & ~diverged
-        first = raised & (self.kind[slots] == NO_FAILURE) & ~self.muted[slots]
-        self.muted[slots] &= raised
+        way = after.sensors[sound, self._grip] - before.sensors[sound, self._grip]
+        self.path_m[slots[sound]] += np.linalg.norm(way, axis=1)
+        flag = (kind != NO_FAILURE) & ~diverged
+        first = flag & (self.kind[slots] == NO_FAILURE) & ~self.muted[slots]
+        self.muted[slots] &= flag
         self.kind[slots[first]] = kind[first]
         self.kind_step[slots[first]] = self.steps_total[slots[first]]
         reason = np.full(len(slots), -1, dtype=np.int64)
         if self.stop_on_failure:
-            reason[first] = Reason.FAILED
-        reason[diverged] = Reason.DIVERGED
+            reason[first] = Reason.FAILURE
+        reason[diverged] = Reason.DIVERGENCE
         return reason

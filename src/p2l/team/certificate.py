@@ -34,6 +34,15 @@ def check_certificate(problem: Problem, plan: Plan) -> Verdict:
 
     Raises:
         SolverError: the plan has no certificate, or a number in it is not what the problem says.
+
+    Example:
+        >>> import numpy as np
+        >>> from p2l import Problem, check_certificate, plan
+        >>> one = np.ones(1)
+        >>> problem = Problem(("gear",), 10 * one, 100 * one, 100 * one, 200 * one, 0.95 * one, np.eye(1))
+        >>> verdict = check_certificate(problem, plan(problem))
+        >>> round(verdict.cost, 6), round(verdict.bound, 6)
+        (15.0, 15.0)
     """
     proof = _certificate_of(plan.certificate, problem.n)
     outcome = objective(problem, plan.decision, plan.sequence)

@@ -30,7 +30,7 @@ Row = tuple[int, list[str]]
 
 
 def read_problem(orders_csv: Path | str, transfer_csv: Path | str, order: Order = "fixed") -> Problem:
-    """Read tasks in work order and the transfer table.
+    r"""Read tasks in work order and the transfer table.
 
     Args:
         orders_csv: columns `task,c_rob,c_hum,c_fail,c_demo` and optionally `pretrained` (a probability, 0 if absent).
@@ -42,6 +42,18 @@ def read_problem(orders_csv: Path | str, transfer_csv: Path | str, order: Order 
         InputError: a file that is missing, empty or not a CSV; an unknown, missing or repeated column; a missing, extra
             or repeated task; a cell that is no number, NaN, infinite, negative, or no probability.
         ConfigError: an unknown order.
+
+    Example:
+        >>> from pathlib import Path
+        >>> from tempfile import TemporaryDirectory
+        >>> from p2l import read_problem
+        >>> with TemporaryDirectory() as folder:
+        ...     orders, transfer = Path(folder) / "orders.csv", Path(folder) / "transfer.csv"
+        ...     _ = orders.write_text("task,c_rob,c_hum,c_fail,c_demo,pretrained\\ngear,10,100,100,200,0.95\\n")
+        ...     _ = transfer.write_text("task,gear\\ngear,0.95\\n")
+        ...     problem = read_problem(orders, transfer)
+        >>> problem.tasks, problem.pretrained.tolist()
+        (('gear',), [0.95])
     """
     if order not in ORDERS:
         raise ConfigError(f"order: '{order}' is unknown; use one of {list(ORDERS)}")
@@ -73,6 +85,19 @@ def write_plan(folder: Path | str, problem: Problem, plan: Plan) -> None:
 
     In `plan.csv`, `skill` names the lesson that an attempt uses (a taught task names itself); it is empty for the
     pre-trained skills and for the person.
+
+    Example:
+        >>> import numpy as np
+        >>> from pathlib import Path
+        >>> from tempfile import TemporaryDirectory
+        >>> from p2l import Problem, plan, write_plan
+        >>> one = np.ones(1)
+        >>> problem = Problem(("gear",), 10 * one, 100 * one, 100 * one, 200 * one, 0.95 * one, np.eye(1))
+        >>> with TemporaryDirectory() as folder:
+        ...     write_plan(folder, problem, plan(problem))
+        ...     print((Path(folder) / "plan.csv").read_text(), end="")
+        order,task,decision,skill,p_success,expected_cost
+        1,gear,act,,0.95,15.0
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -103,6 +128,14 @@ def explain(problem: Problem, plan: Plan) -> str:
     """A table saying why each lesson pays: its cost, the tasks it pays for, their cost without it, and the saving.
 
     "Without it" keeps the other lessons and does every other task at its best; the taught task is counted in.
+
+    Example:
+        >>> import numpy as np
+        >>> from p2l import Problem, explain, plan
+        >>> one = np.ones(1)
+        >>> problem = Problem(("gear",), 10 * one, 100 * one, 100 * one, 200 * one, 0.95 * one, np.eye(1))
+        >>> print(explain(problem, plan(problem)))  # doctest: +ELLIPSIS
+        Expected cost 15.0 (proven optimal)...
     """
     lessons = plan.decision == Decision.LEARN
     alone = objective(problem, decide(problem, np.zeros(problem.n, dtype=bool), plan.sequence), plan.sequence).total

@@ -37,8 +37,20 @@ def plan(
     Raises:
         ConfigError: an unknown planner or option, a time limit of zero or less, a gap outside [0, 1).
         SolverError: the planner cannot treat this instance.
+
+    Example:
+        Three tasks alike: one lesson (200) and two attempts (20 each) are cheaper than handing all to the person (300).
+
+        >>> import numpy as np
+        >>> from p2l import Decision, Problem, plan
+        >>> c_rob, c_hum, c_fail, c_demo = (np.full(3, cost) for cost in (10.0, 100.0, 100.0, 200.0))
+        >>> alike = np.full((3, 3), 0.9)
+        >>> problem = Problem(("a", "b", "c"), c_rob, c_hum, c_fail, c_demo, np.zeros(3), alike)
+        >>> day = plan(problem)
+        >>> [Decision(decision).name for decision in day.decision], round(day.objective, 1)
+        (['LEARN', 'ACT', 'ACT'], 240.0)
     """
-    route = PLANNERS.checked(planner, options, own=("problem", "stop"))
+    route = PLANNERS.factory_for(planner, options, own=("problem", "stop"))
     if not time_limit_s > 0.0:
         raise ConfigError(f"time_limit_s: {time_limit_s} given; it must be above 0")
     if not 0.0 <= gap < 1.0:

@@ -21,7 +21,13 @@ ORDERS: tuple[str, ...] = ("fixed", "any")
 
 
 class Decision(IntEnum):
-    """What happens to one task: the robot acts, the person does it, or the person teaches it (equation 3.1)."""
+    """What happens to one task: the robot acts, the person does it, or the person teaches it (equation 3.1).
+
+    Example:
+        >>> from p2l import Decision
+        >>> Decision(2).name
+        'LEARN'
+    """
 
     ACT = 0
     DELEGATE = 1
@@ -45,6 +51,19 @@ class Problem:
 
     Raises:
         ShapeError: a wrong shape, NaN or infinity, a negative cost, a probability outside [0, 1], a repeated name.
+
+    Example:
+        Two tasks that the robot cannot do yet; a lesson on one carries over to the other nine times in ten.
+
+        >>> import numpy as np
+        >>> from p2l import Problem
+        >>> costs = {name: np.full(2, cost) for name, cost in (("c_rob", 10.0), ("c_hum", 100.0), ("c_fail", 100.0))}
+        >>> problem = Problem(
+        ...     tasks=("peg", "hole"), **costs, c_demo=np.full(2, 120.0), pretrained=np.zeros(2),
+        ...     transfer=np.array([[1.0, 0.9], [0.9, 1.0]]),
+        ... )
+        >>> problem.n, problem.outside.tolist()
+        (2, [100.0, 100.0])
     """
 
     tasks: tuple[str, ...]
@@ -133,6 +152,14 @@ class Plan:
         gap: (objective - lower_bound) / objective, 0 when the objective is 0.
         seconds: wall time of the planner, without loading (and on a fresh installation compiling) its kernels.
         certificate: multipliers that prove `certificate.bound`, where the route has them.
+
+    Example:
+        >>> import numpy as np
+        >>> from p2l import Decision, Plan, Problem, plan
+        >>> one = np.ones(1)
+        >>> day: Plan = plan(Problem(("gear",), 10 * one, 100 * one, 100 * one, 200 * one, 0.95 * one, np.eye(1)))
+        >>> day.status, round(day.objective, 1), day.count(Decision.ACT)
+        ('optimal', 15.0, 1)
     """
 
     planner: str

@@ -94,7 +94,7 @@ class MlflowTracker(Tracker):
     _headline: dict[str, float] = field(default_factory=dict)
     _paragraphs: list[str] = field(default_factory=list)
     _not_finite: set[str] = field(default_factory=set)
-    _sent: float = field(default_factory=time.monotonic)
+    _last_flush: float = field(default_factory=time.monotonic)
 
     def metrics(self, values: Mapping[str, float], step: int | None = None) -> None:
         """Buffer metrics. NaN and infinity are left out and named in the tag `not_finite`: MLflow garbles them."""
@@ -107,7 +107,7 @@ class MlflowTracker(Tracker):
             self._pending.append((name, number, now, step or 0))
             if step is None:
                 self._headline[name] = number
-        if len(self._pending) >= _FLUSH_AT or time.monotonic() - self._sent > _FLUSH_EVERY_S:
+        if len(self._pending) >= _FLUSH_AT or time.monotonic() - self._last_flush > _FLUSH_EVERY_S:
             self.flush()
 
     def artifact(self, path: Path | str, folder: str | None = None) -> None:
@@ -122,7 +122,7 @@ class MlflowTracker(Tracker):
         """Send buffered metrics; if the store has gone they wait for the next flush, since compute is worth more."""
         from mlflow.entities import Metric
 
-        self._sent = time.monotonic()
+        self._last_flush = time.monotonic()
         while self._pending:
             batch = [Metric(*row) for row in self._pending[:_METRICS_PER_BATCH]]
             if not self._attempt(lambda batch=batch: self.client.log_batch(self.run_id, metrics=batch), "metrics"):  # type: ignore[misc]
@@ -171,8 +171,8 @@ def start(card: RunCard, out: Path, root: Path, *, enabled: bool = True, uri: st
         _describe(client, card, run_id, root)
     except Exception as error:
         raise TrackingError(f"MLflow at {safe_uri(store)} refuses the run: {str(error)[:300]}") from error
-    kept = {"run_id": run_id, "store": safe_uri(store), "config_hash": card.config_hash}
-    write_text(out / RUN_FILE, json.dumps(kept) + "\n")
+    record = {"run_id": run_id, "store": safe_uri(store), "config_hash": card.config_hash}
+    write_text(out / RUN_FILE, json.dumps(record) + "\n")
     tracker = MlflowTracker(client=client, card=card, run_id=run_id)
     try:
         yield tracker
@@ -198,16 +198,16 @@ def open_sweep(
 def _resume(client: MlflowClient, card: RunCard, out: Path, store: str) -> str | None:
     """Id of the run that was killed or interrupted in `out` under the same configuration, if the store still has it."""
     try:
-        kept = json.loads((out / RUN_FILE).read_text(encoding="utf-8"))
-        if kept["config_hash"] != card.config_hash or kept["store"] != safe_uri(store):
+        record = json.loads((out / RUN_FILE).read_text(encoding="utf-8"))
+        if record["config_hash"] != card.config_hash or record["store"] != safe_uri(store):
             return None
-        run = client.get_run(kept["run_id"])
+        run = client.get_run(record["run_id"])
     except Exception:  # missing, half-written or of another store: a new run is right
         return None
     if run.info.status not in ("RUNNING", "KILLED") or run.info.lifecycle_stage != "active":
         return None
-    client.update_run(kept["run_id"], status="RUNNING")
-    return str(kept["run_id"])
+    client.update_run(record["run_id"], status="RUNNING")
+    return str(record["run_id"])
 
 
 def _create(client: MlflowClient, card: RunCard, store: str) -> str:
@@ -256,10 +256,10 @@ def _provenance(root: Path) -> dict[str, str]:
 
     def git(*arguments: str) -> str | None:
         try:
-            done = subprocess.run(["git", *arguments], cwd=root, capture_output=True, text=True, check=True, timeout=20)
+            run = subprocess.run(["git", *arguments], cwd=root, capture_output=True, text=True, check=True, timeout=20)
         except (OSError, subprocess.SubprocessError):
             return None
-        return done.stdout.strip()
+        return run.stdout.strip()
 
     tags = {"mlflow.user": getpass.getuser(), "mlflow.source.type": "LOCAL"}
     if commit := git("rev-parse", "HEAD"):

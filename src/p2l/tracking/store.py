@@ -71,17 +71,17 @@ def experiment(client: MlflowClient, store: str, name: str) -> str:
     database = _database(store)
     place = (database.parent / "mlartifacts" / name).as_uri() if database else None
     with _first_touch(store):
-        found = client.get_experiment_by_name(name)
-        if found is None:
+        record = client.get_experiment_by_name(name)
+        if record is None:
             try:
                 return str(client.create_experiment(name, artifact_location=place))
             except MlflowException:  # another process was faster
-                found = client.get_experiment_by_name(name)
-    if found is None or found.lifecycle_stage != "active":
+                record = client.get_experiment_by_name(name)
+    if record is None or record.lifecycle_stage != "active":
         raise TrackingError(
             f"MLflow experiment '{name}' is deleted in {safe_uri(store)}; restore it or use another store"
         )
-    return str(found.experiment_id)
+    return str(record.experiment_id)
 
 
 def _database(store: str) -> Path | None:
@@ -132,10 +132,10 @@ def _writable(database: Path) -> None:
 @contextmanager
 def _environment(values: Mapping[str, str]) -> Iterator[None]:
     """Set variables that the user has not set, for a while."""
-    added = {name: value for name, value in values.items() if name not in os.environ}
-    os.environ.update(added)
+    additions = {name: value for name, value in values.items() if name not in os.environ}
+    os.environ.update(additions)
     try:
         yield
     finally:
-        for name in added:
+        for name in additions:
             os.environ.pop(name, None)

@@ -43,8 +43,8 @@ def fit_platt(logit: Array, successes: IntArray, draws: int) -> Platt:
         gradient = np.array([np.mean(residual * slope * logit), residual.mean()]) + 2 * _RIDGE * parameters
         return float(value), gradient
 
-    found = optimize.minimize(loss, np.zeros(2), jac=True, method="L-BFGS-B", bounds=[(-5, 5), (-20, 20)])
-    return Platt(float(np.exp(found.x[0])), float(found.x[1]))
+    optimum = optimize.minimize(loss, np.zeros(2), jac=True, method="L-BFGS-B", bounds=[(-5, 5), (-20, 20)])
+    return Platt(float(np.exp(optimum.x[0])), float(optimum.x[1]))
 
 
 def brier(p: Array, successes: IntArray, draws: int, weights: Array | None = None) -> Array:

@@ -20,7 +20,7 @@ VIEWS = 5
 
 @runtime_checkable
 class WallDomain(Protocol):
-    """A domain whose tasks can be stripped of their walls."""
+    """A domain whose tasks have walls that can be left out."""
 
     def without_walls(self, tasks: Tasks) -> Tasks:
         """The same tasks with nothing to lean on."""
@@ -31,7 +31,7 @@ class WallDomain(Protocol):
 
 @dataclass(frozen=True)
 class Collection:
-    """What one run of Algorithm 1 found.
+    """The outcome of one run of Algorithm 1.
 
     Attributes:
         data: every skill on every task.
@@ -55,9 +55,9 @@ def collect(
     from generators of their own.
     """
     tasks = domain.sample_tasks(generator(seed, "collect", domain.name, "tasks"), n_tasks)
-    taught = generator(seed, "collect", domain.name, "taught").permutation(n_tasks)[:n_taught]
-    skills = domain.learn(tasks, taught, generator(seed, "collect", domain.name, "learn"), progress)
-    learnt_on = tasks.take(taught)
+    train_task = generator(seed, "collect", domain.name, "taught").permutation(n_tasks)[:n_taught]
+    skills = domain.learn(tasks, train_task, generator(seed, "collect", domain.name, "learn"), progress)
+    learnt_on = tasks.take(train_task)
     rng = generator(seed, "collect", domain.name, "evaluate")
     outcome = domain.evaluate(skills, learnt_on, tasks, draws, rng, progress)
     data = TransferData(
@@ -65,17 +65,16 @@ def collect(
         features=tasks.features,
         feature_names=domain.feature_names,
         group=tasks.group,
-        train_task=taught,
+        train_task=train_task,
         successes=outcome.sum(-1),
         draws=draws,
         skills=skills,
     )
-    own = data.rate[np.arange(n_taught), taught]
+    own = data.rate[np.arange(n_taught), train_task]
     bare = None
     if isinstance(domain, WallDomain):
         rng = generator(seed, "collect", domain.name, "ablate")
-        stripped = domain.without_walls(learnt_on)
-        bare = domain.evaluate_own(skills, stripped, draws, rng)
+        bare = domain.evaluate_own(skills, domain.without_walls(learnt_on), draws, rng)
     rng = generator(seed, "collect", domain.name, "view")
     views = [domain.view(skills[k], learnt_on.take(k), rng) for k in range(min(VIEWS, n_taught))]
     return Collection(data=data, own_rate=own, own_rate_without_walls=bare, views=views)

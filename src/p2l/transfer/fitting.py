@@ -60,19 +60,19 @@ class Fit:
 
 @dataclass(frozen=True)
 class _Tensors:
-    """Data as the networks take it: features [M, F], rate [K, M], taught [K] task numbers, fold [M]."""
+    """Data as the networks take it: features [M, F], rate [K, M], train_task [K] task numbers, fold [M]."""
 
     encoding: Encoding
     features: torch.Tensor
     rate: torch.Tensor
-    taught: torch.Tensor
+    train_task: torch.Tensor
     fold: torch.Tensor
 
 
 def split_tasks(data: TransferData, holdout: float, members: int, rng: np.random.Generator) -> TaskSplit:
     """Hold out a share of the tasks and deal the others to folds, evenly over groups and over taught tasks.
 
-    Tasks with equal features are one task here: what is held out has never been seen, not even as a twin.
+    Tasks with equal features are one task here: a held-out task is in no fold, not even as a twin.
 
     Raises:
         ConfigError: too few tasks or taught tasks to fit and to judge.
@@ -80,18 +80,18 @@ def split_tasks(data: TransferData, holdout: float, members: int, rng: np.random
     _, first, twin = np.unique(np.round(data.features, 6), axis=0, return_index=True, return_inverse=True)
     m = len(first)
     count = max(1, round(holdout * m))
-    taught = np.isin(np.arange(m), twin[data.train_task])
-    if m - count < members or members < 2 or taught.sum() < 3:
+    has_skill = np.isin(np.arange(m), twin[data.train_task])
+    if m - count < members or members < 2 or has_skill.sum() < 3:
         raise ConfigError(
-            f"{m} distinct tasks, {int(taught.sum())} of them taught, holdout {holdout} and {members} members: needs "
-            "at least 3 taught tasks, 2 members, and as many tasks not held out as members. Collect more tasks."
+            f"{m} distinct tasks, {int(has_skill.sum())} of them taught, holdout {holdout} and {members} members: "
+            "needs at least 3 taught tasks, 2 members, and as many tasks not held out as members. Collect more tasks."
         )
     # Every m / count-th task of this order is held out, so that each group and the taught ones lose their share.
-    order = np.lexsort((rng.random(m), data.group[first], ~taught))
+    order = np.lexsort((rng.random(m), data.group[first], ~has_skill))
     place = (np.arange(m) + rng.integers(m)) % m
-    held = (place * count) % m < count
+    held_out = (place * count) % m < count
     fold = np.full(m, -1, dtype=np.int64)
-    fold[order[~held]] = (np.arange(m - int(held.sum())) + rng.integers(members)) % members
+    fold[order[~held_out]] = (np.arange(m - int(held_out.sum())) + rng.integers(members)) % members
     return TaskSplit(fold[twin])
 
 
@@ -104,8 +104,7 @@ def fit(
     report: Report | None = None,
 ) -> Fit:
     """Fit the ensemble to the tasks that `split` does not hold out."""
-    fitted = ~split.held_out
-    mean, scale = _moments(data.features[fitted])
+    mean, scale = _moments(data.features[~split.held_out])
     tensors = _Tensors(
         encoding,
         torch.tensor((data.features - mean) / scale, dtype=torch.float32),
@@ -151,9 +150,9 @@ def _train(
 ) -> tuple[Weights, Array, Array, IntArray]:
     """Each member's weights at its best epoch, both losses [epochs, E], and that epoch [E]."""
     pairs = [_pairs(tensors, member) for member in range(options.members)]
-    decayed, free = [weights["w1"], weights["w2"]], [weights["b1"], weights["b2"]]
+    kernels, biases = [weights["w1"], weights["w2"]], [weights["b1"], weights["b2"]]
     optimizer = torch.optim.AdamW(
-        [{"params": decayed, "weight_decay": options.weight_decay}, {"params": free, "weight_decay": 0.0}],
+        [{"params": kernels, "weight_decay": options.weight_decay}, {"params": biases, "weight_decay": 0.0}],
         lr=options.learning_rate,
     )
     best = {name: value.detach().clone() for name, value in weights.items()}
@@ -176,9 +175,9 @@ def _train(
 
 
 def _pairs(tensors: _Tensors, member: int) -> torch.Tensor:
-    """[2, N] skill and task numbers of every pair whose two tasks `member` may see."""
-    seen = (tensors.fold >= 0) & (tensors.fold != member)
-    pairs = torch.cartesian_prod(torch.nonzero(seen[tensors.taught])[:, 0], torch.nonzero(seen)[:, 0]).T
+    """[2, N] skill and task numbers of every pair that `member` is fitted to: both of its tasks are in other folds."""
+    inside = (tensors.fold >= 0) & (tensors.fold != member)
+    pairs = torch.cartesian_prod(torch.nonzero(inside[tensors.train_task])[:, 0], torch.nonzero(inside)[:, 0]).T
     if pairs.shape[1] == 0:
         raise ConfigError(f"fold {member} leaves no taught task to fit; teach more tasks or use fewer members")
     return pairs
@@ -195,14 +194,14 @@ def _epoch(
     """One pass over the pairs, all members side by side; returns the mean loss [E]. Shorter members wrap around."""
     longest = max(one.shape[1] for one in pairs)
     turn = torch.arange(longest)
-    chosen = [one[:, torch.randperm(one.shape[1], generator=generator)[turn % one.shape[1]]] for one in pairs]
+    shuffles = [one[:, torch.randperm(one.shape[1], generator=generator)[turn % one.shape[1]]] for one in pairs]
     total = torch.zeros(len(pairs))
-    for batch in torch.stack(chosen).split(options.batch_size, dim=2):  # [E, 2, B]
+    for batch in torch.stack(shuffles).split(options.batch_size, dim=2):  # [E, 2, B]
         skill, task = batch[:, 0], batch[:, 1]
-        first, second = tensors.features[tensors.taught[skill]], tensors.features[task]
+        first, second = tensors.features[tensors.train_task[skill]], tensors.features[task]
         x = first - second if tensors.encoding == "difference" else torch.cat([first, second], dim=2)
-        hidden = torch.relu(torch.baddbmm(weights["b1"][:, None], x, weights["w1"]))
-        logit = torch.einsum("ebh,eh->eb", hidden, weights["w2"]) + weights["b2"][:, None]
+        activation = torch.relu(torch.baddbmm(weights["b1"][:, None], x, weights["w1"]))
+        logit = torch.einsum("ebh,eh->eb", activation, weights["w2"]) + weights["b2"][:, None]
         target = tensors.rate[skill, task]
         loss = functional.binary_cross_entropy_with_logits(logit, target, reduction="none").mean(dim=1)
         optimizer.zero_grad()
@@ -214,13 +213,13 @@ def _epoch(
 
 def _validation(weights: Weights, tensors: _Tensors) -> torch.Tensor:
     """Loss [E] of each member on pairs that are tested on its own fold."""
-    rows = torch.nonzero(tensors.fold[tensors.taught] >= 0)[:, 0]
-    taught = tensors.features[tensors.taught[rows]]
+    rows = torch.nonzero(tensors.fold[tensors.train_task] >= 0)[:, 0]
+    train = tensors.features[tensors.train_task[rows]]
     losses = []
     for e in range(len(weights["b2"])):
         columns = torch.nonzero(tensors.fold == e)[:, 0]
         member = {name: value.detach()[e : e + 1] for name, value in weights.items()}
-        logit = pair_logits(member, tensors.encoding, taught, tensors.features[columns])[0]
+        logit = pair_logits(member, tensors.encoding, train, tensors.features[columns])[0]
         losses.append(functional.binary_cross_entropy_with_logits(logit, tensors.rate[rows][:, columns]))
     return torch.stack(losses)
 

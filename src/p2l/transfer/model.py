@@ -1,7 +1,7 @@
 """The precondition prediction model of the thesis (section 3.3.2): will the skill of one task solve another?
 
-A network with two fully connected layers maps a pair of tasks to a logit. It sees `τ_train − τ_test` (insertion) or
-`[τ_train, τ_test]` (Lego). Axis letters: E members, K taught tasks, M tested tasks, F features, H hidden units.
+A network with two fully connected layers maps a pair of tasks to a logit. Its input is `τ_train − τ_test` (insertion)
+or `[τ_train, τ_test]` (Lego). Axis letters: E members, K taught tasks, M tested tasks, F features, H hidden units.
 
 Deviations from the thesis:
     1. Targets are success rates of several executions with a binomial likelihood, instead of one binary label.
@@ -54,22 +54,22 @@ class TransferModel:
         Raises:
             ShapeError: the number of features differs, or one is not finite.
         """
-        given = np.asarray(features, dtype=np.float64)
-        if given.ndim != 2 or given.shape[1] != len(self.feature_names):
+        values = np.asarray(features, dtype=np.float64)
+        if values.ndim != 2 or values.shape[1] != len(self.feature_names):
             names = ", ".join(self.feature_names[:4])
             raise ShapeError(
-                f"task features have shape {given.shape}; this model takes {len(self.feature_names)} ({names}, …)"
+                f"task features have shape {values.shape}; this model takes {len(self.feature_names)} ({names}, …)"
             )
-        if not np.isfinite(given).all():
+        if not np.isfinite(values).all():
             raise ShapeError("task features hold NaN or infinity")
-        return (given - self.mean) / self.scale
+        return (values - self.mean) / self.scale
 
     def logits(self, train: Array, test: Array) -> Array:
         """Uncorrected logits [E, K, M] of features [K, F] of taught and [M, F] of tested tasks."""
-        taught, tested = (torch.from_numpy(self.standardise(x)).float() for x in (train, test))
+        rows, columns = (torch.from_numpy(self.standardise(features)).float() for features in (train, test))
         with torch.no_grad():
-            rows = max(1, _CELLS // max(1, len(tested)))
-            parts = [pair_logits(self.weights, self.encoding, chunk, tested) for chunk in taught.split(rows)]
+            size = max(1, _CELLS // max(1, len(columns)))
+            parts = [pair_logits(self.weights, self.encoding, chunk, columns) for chunk in rows.split(size)]
         return cast(Array, torch.cat(parts, dim=1).numpy().astype(np.float64))
 
     def predict(self, train: Array, test: Array) -> Array:
@@ -97,27 +97,27 @@ def load_transfer_model(path: Path | str, *, feature_names: tuple[str, ...], enc
         ArtifactError: missing or damaged, or fitted on other features or another encoding.
     """
     weights, card = load_network(path, schema=SCHEMA)
-    for key, wanted in (("encoding", encoding), ("feature_names", list(feature_names))):
-        if card[key] != wanted:
+    for key, value in (("encoding", encoding), ("feature_names", list(feature_names))):
+        if card[key] != value:
             raise ArtifactError(
                 f"{path}: the model was fitted on domain '{card['domain']}' with {key} {_brief(card[key])}; "
-                f"these tasks have {_brief(wanted)}. Run fit_transfer for this domain."
+                f"these tasks have {_brief(value)}. Run fit_transfer for this domain."
             )
     correction = Platt(float(card["platt"]["slope"]), float(card["platt"]["shift"]))
     mean, scale = np.array(card["mean"], dtype=float), np.array(card["scale"], dtype=float)
     return TransferModel(encoding, feature_names, mean, scale, weights, correction)
 
 
-def pair_logits(weights: Weights, encoding: Encoding, taught: torch.Tensor, tested: torch.Tensor) -> torch.Tensor:
-    """Logits [E, K, M] of all pairs of standardised tasks [K, F] and [M, F].
+def pair_logits(weights: Weights, encoding: Encoding, train: torch.Tensor, test: torch.Tensor) -> torch.Tensor:
+    """Logits [E, K, M] of all pairs of standardised tasks: taught ones [K, F] and tested ones [M, F].
 
     The first layer is linear, so each task passes it once and a pair is a sum.
     """
     w1 = weights["w1"]
     first, second = (w1, -w1) if encoding == "difference" else w1.chunk(2, dim=1)
-    hidden = torch.matmul(taught, first)[:, :, None] + torch.matmul(tested, second)[:, None]  # [E, K, M, H]
-    hidden = torch.relu(hidden + weights["b1"][:, None, None])
-    return torch.einsum("ekmh,eh->ekm", hidden, weights["w2"]) + weights["b2"][:, None, None]
+    activation = torch.matmul(train, first)[:, :, None] + torch.matmul(test, second)[:, None]  # [E, K, M, H]
+    activation = torch.relu(activation + weights["b1"][:, None, None])
+    return torch.einsum("ekmh,eh->ekm", activation, weights["w2"]) + weights["b2"][:, None, None]
 
 
 def _brief(value: Any) -> str:

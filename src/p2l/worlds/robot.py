@@ -1,6 +1,6 @@
 """What every world with an arm shares: rows out of postures, named readings, control; a world states only its physics.
 
-A world subclasses `RobotWorld` and gives `sample`, `_truth`, `_seen`, `monitor`, `goal` and `nominal_options`.
+A world subclasses `RobotWorld` and gives `sample`, `_truth`, `_observation`, `monitor`, `goal` and `nominal_options`.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ Fields = Mapping[str, npt.NDArray[np.generic]]
 
 
 class RobotWorld:
-    """The algebra of a world; see `worlds.world.World` for the contract.
+    """The algebra of a world; see `contracts.world.World` for the contract.
 
     Args:
         name: the registered name.
-        params: what the world was made with; part of its digest.
+        params: the world's parameters; part of its digest.
         scenes: interchangeable scenes, one for each model of the engine.
         estimator: how estimates err.
         control_period_s: duration of a control step.
@@ -61,24 +61,24 @@ class RobotWorld:
         first = scenes[0]
         joints = [first.model.joint(i).name for i in range(first.model.njnt)]
         # A row carries unit normals, so it means the same to every estimator and on any number of threads.
-        kept = {key: value for key, value in params.items() if key not in ("estimator", "nthread")}
+        digest_params = {key: value for key, value in params.items() if key not in ("estimator", "nthread")}
         self.digest = config_hash(
-            [ROW_VERSION, name, kept, joints, list(self.engine.sensor_columns), list(self.engine.furniture)]
+            [ROW_VERSION, name, digest_params, joints, list(self.engine.sensor_columns), list(self.engine.furniture)]
         )
         self._fingers = {self.engine.control_names.index(act): ends for act, ends in first.fingers.items()}
         self._columns: dict[str, int] = {j: 1 + int(first.model.joint(j).qposadr[0]) for j in joints}
         self._arm = [self._columns[name] for name in first.arm_joints]
 
-    def drawn(self, model: int) -> mujoco.MjModel:
-        """The twin with visuals."""
-        return self.scenes[model].drawn
+    def visual_model(self, model: int) -> mujoco.MjModel:
+        """The model with visual geoms."""
+        return self.scenes[model].visual_model
 
     def control(self, command: Command) -> Array:
         """[N, U]: the scene's stiffnesses, and the fingers between open and closed."""
         physics = self.scenes[0].physics
         control = self.engine.stiffness(len(command.grip), physics.stiffness_linear, physics.stiffness_angular)
-        for column, (opened, closed) in self._fingers.items():
-            control[:, column] = opened + command.grip * (closed - opened)
+        for column, (open_control, closed_control) in self._fingers.items():
+            control[:, column] = open_control + command.grip * (closed_control - open_control)
         return control
 
     def privileged(self, rows: Rows) -> Privileged:
@@ -86,14 +86,14 @@ class RobotWorld:
         return Privileged.of(self._truth(rows))
 
     def observe(self, rows: Rows) -> Observation:
-        """What the robot sees; its own commands (target pose, grip) are always part of it."""
+        """What the robot observes; its own commands (target pose, grip) are always part of it."""
         error = self.estimator.error(rows.noise, rows.actions)
         target = rows.states[:, self.engine.physics_size : self.engine.physics_size + 7]
         own = {"target_pos_m": target[:, :3], "target_quat": target[:, 3:], "grip_command": rows.grip}
-        seen = {**self._seen(rows, error), **own}
+        fields = {**self._observation(rows, error), **own}
         if self.hand_sign < 0.0:
-            seen |= {name: -np.asarray(seen[name], dtype=np.float64) for name in HAND}
-        return Observation.of(seen)
+            fields |= {name: -np.asarray(fields[name], dtype=np.float64) for name in HAND}
+        return Observation.of(fields)
 
     def observe_hand_as(self, like: npt.ArrayLike) -> None:
         """Observe the hand's orientation with the sign that makes it resemble `like` [4] at the start.
@@ -111,7 +111,7 @@ class RobotWorld:
     def _truth(self, rows: Rows) -> Fields:
         raise NotImplementedError
 
-    def _seen(self, rows: Rows, error: Array) -> Fields:
+    def _observation(self, rows: Rows, error: Array) -> Fields:
         raise NotImplementedError
 
     def monitor(self, before: Rows, after: Rows, chunk: Chunk, command: Command) -> tuple[IntArray, Array]:
@@ -150,11 +150,11 @@ class RobotWorld:
         states = self.engine.states_from(qpos, np.zeros((count, 3)), down, furniture)
         control = np.zeros((count, len(self.engine.control_names)))
         place = self.engine.physics_size
-        sensed = self.engine.sense(states, control, index)
-        states[:, place : place + 3] = sensed[:, self.engine.sensor_columns["grip_pos"]]
-        states[:, place + 3 : place + 7] = sensed[:, self.engine.sensor_columns["grip_quat"]]
-        kept = np.zeros((count, self.memory_size)) if memory is None else memory
-        return Rows(states, sensed, index, noise, np.zeros(count, dtype=np.int64), kept, np.zeros(count))
+        sensors = self.engine.sense(states, control, index)
+        states[:, place : place + 3] = sensors[:, self.engine.sensor_columns["grip_pos"]]
+        states[:, place + 3 : place + 7] = sensors[:, self.engine.sensor_columns["grip_quat"]]
+        memory = np.zeros((count, self.memory_size)) if memory is None else memory
+        return Rows(states, sensors, index, noise, np.zeros(count, dtype=np.int64), memory, np.zeros(count))
 
     def read(self, rows: Rows, sensor: str) -> Array:
         """[N, d] last values of a sensor, e.g. `grip_pos` (world frame, m).

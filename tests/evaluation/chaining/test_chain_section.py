@@ -158,7 +158,7 @@ def test_novel_starts_strategies_and_the_ablation_are_told(made):
     assert "pick_place: 25.0 [14.2, 40.2] % of 40 starts are outside, of which 100.0" in novel.ours
     assert [part.name for part in section.parts if isinstance(part, Picture)] == ["figure_5_9", "figure_5_9_shelf"]
     [film] = [part for part in section.parts if isinstance(part, Films)]
-    assert film.shown == [
+    assert film.films == [
         ("pick_place reuse", b"a film", "pick_place, the most novel start that paid: recovered: from place")
     ]
     assert f"shelf: no video, {NONE}." in section.parts

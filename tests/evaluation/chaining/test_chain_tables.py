@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from p2l.evaluation.chaining.figures import learning_curves, options_tried
+from p2l.evaluation.chaining.figures import learning_curves, option_counts
 from p2l.evaluation.chaining.tables import Learning, figure_5_5, figure_5_8, steps_to_thesis, table_5_1
 from p2l.evaluation.statistics import wilson_interval
 from p2l.evaluation.thesis import load_thesis
@@ -100,7 +100,7 @@ def test_options_are_counted_by_round(runs, thesis):
     assert cell(table, "rc", "place", "world=pick_place;round=1")["mean"] == 5.0
     assert cell(table, "rc", "pick", "world=pick_place;round=0")["mean"] == 3.0
     assert cell(table, "rc", "place", "world=pick_place;round=1;seed=0")["mean"] == 5.0
-    assert len(options_tried(table, "pick_place").axes[0].lines) == 2
+    assert len(option_counts(table, "pick_place").axes[0].lines) == 2
 
 
 def test_steps_to_the_thesis_are_those_of_the_first_two_evaluations_that_are_good_enough(made, thesis):

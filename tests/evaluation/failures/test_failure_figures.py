@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from p2l.evaluation.failures.figures import axes_of, mode_figure, spoken_column, telling
+from p2l.evaluation.failures.figures import axes_of, column_label, feature_ranking, mode_figure
 from p2l.evaluation.failures.tables import (
     by_option,
     cluster_summary,
+    discovery_metrics,
     first_kind,
-    found_metrics,
-    found_summary,
     mode_table,
+    split_summary,
 )
 from p2l.evaluation.style import png
 from p2l.failures.clustering import ClusterOptions, cluster, typical
@@ -24,7 +24,7 @@ def pushed():
 
 def test_a_summary_counts_every_episode_once(pushed):
     _, _, made = pushed
-    told = found_summary(made)
+    told = split_summary(made)
     successes = int(made.execution.success.sum())
     assert told["executions"] == told["success"]["trials"] == 40
     assert told["success"]["mean"] == successes / 40
@@ -32,14 +32,14 @@ def test_a_summary_counts_every_episode_once(pushed):
     assert successes + told["failing_episodes"] + told["unrecorded_failing_episodes"] == 40
     assert sum(told["first_kind"].values()) == told["failing_episodes"]
     assert sum(option["failures"] for option in told["by_option"].values()) == told["failures"] == len(made.failures)
-    metrics = found_metrics({"train": told, "held_out": told, "episodes_per_s": 2.0, "control_steps_per_s": 9.0})
+    metrics = discovery_metrics({"train": told, "held_out": told, "episodes_per_s": 2.0, "control_steps_per_s": 9.0})
     assert metrics["held_out/success"] == told["success"]["mean"]
 
 
 def test_diverged_episodes_are_counted_apart(pushed):
     _, _, made = pushed
     made.execution.diverged[np.flatnonzero(~made.execution.success)[:3]] = True
-    told = found_summary(made)
+    told = split_summary(made)
     made.execution.diverged[:] = False
     assert (told["diverged"], told["success"]["trials"]) == (3, 37)
 
@@ -87,7 +87,7 @@ def test_any_number_of_modes_is_tabled_and_drawn(pushed, modes):
     ],
 )
 def test_columns_are_spoken_with_units(column, label, factor):
-    assert spoken_column(column) == (label, pytest.approx(factor))
+    assert column_label(column) == (label, pytest.approx(factor))
 
 
 def test_telling_features_come_first_and_vectors_stay_together():
@@ -95,7 +95,7 @@ def test_telling_features_come_first_and_vectors_stay_together():
     rng = np.random.default_rng(0)
     noise = rng.normal(size=40)
     outlier = np.where(np.arange(40) == 3, 1e3, 0.0)
-    assert telling(np.stack([outlier, noise, mode + 0.01 * noise], axis=1), mode)[0] == 2
+    assert feature_ranking(np.stack([outlier, noise, mode + 0.01 * noise], axis=1), mode)[0] == 2
     assert axes_of(("a[0]", "a[1]", "b", "c"), [1, 2, 3, 0]) == [(0, 1), (2, 3)]
     assert axes_of(("a", "b"), [1, 0]) == [(0, 1), (1, 1)]
     assert axes_of(("a",), [0]) == [(0, 0), (0, 0)]

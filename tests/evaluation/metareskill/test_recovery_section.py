@@ -105,7 +105,7 @@ def test_rounds_tell_what_was_chosen_why_and_what_came_of_it(tmp_path):
 def test_each_mode_is_shown_before_and_after(tmp_path):
     write(tmp_path)
     [films] = [part for part in sections(tmp_path)[1].parts if isinstance(part, Films)]
-    assert [caption for _, _, caption in films.shown] == [
+    assert [caption for _, _, caption in films.films] == [
         "Mode 0, before learning: slip in pull handle",
         "Mode 0, after learning: recovery 0 reach, reach; solved",
     ]

@@ -6,7 +6,7 @@ import pytest
 
 from p2l.errors import ArtifactError
 from p2l.evaluation.metareskill.curves import draw_4_6, draw_4_7, figure_4_6, figure_4_7
-from p2l.evaluation.metareskill.judged import read_rounds
+from p2l.evaluation.metareskill.evaluation import read_rounds
 from p2l.evaluation.metareskill.tables import paired_gain, table_4_1, table_4_2
 from p2l.evaluation.rows import COLUMNS
 from p2l.evaluation.statistics import wilson_interval

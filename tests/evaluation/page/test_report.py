@@ -14,7 +14,7 @@ from p2l.errors import ArtifactError
 from p2l.evaluation.page.files import save_report
 from p2l.evaluation.page.page import Films, Picture, Reading, Section, Sheet, render
 from p2l.evaluation.page.sources import Sources
-from p2l.evaluation.page.views import averages, estimate, plain_setting, spoken
+from p2l.evaluation.page.views import averages, estimate, plain_setting, setting_label
 from p2l.evaluation.report import SECTIONS
 from p2l.evaluation.rows import COLUMNS
 from p2l.evaluation.team.metrics import summarise
@@ -285,8 +285,8 @@ def test_estimates_are_written_with_their_limits(numbers, text):
 
 def test_settings_are_spoken_and_become_paths():
     setting = "domain=lego;regime=high_teaching;pretrained=4"
-    assert spoken(setting) == "lego, high cost of teaching, 4 pre-trained"
-    assert spoken("domain=board;regime=board") == "board"
+    assert setting_label(setting) == "lego, high cost of teaching, 4 pre-trained"
+    assert setting_label("domain=board;regime=board") == "board"
     assert plain_setting(setting) == "lego/high_teaching/4"
 
 

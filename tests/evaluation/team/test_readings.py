@@ -22,7 +22,7 @@ def levels(*excess, base=(800.0, 900.0, 1000.0)):
 
 def test_strict_equal_and_clear_levels_are_counted_apart():
     found = readings.cheapest(levels(100.0, 0.0, -5.0), HIGH)
-    assert found == readings.Cheapest(strict=1, tied=1, clear=1, levels=3)
+    assert found == readings.Cheapest(strict=1, ties=1, clear=1, levels=3)
 
 
 def test_a_lead_that_changes_sign_between_sets_is_not_clear():

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from p2l.evaluation.style import COMPARED, METHODS, png, spread
+from p2l.evaluation.style import METHODS, THESIS_METHODS, png, spread
 from p2l.evaluation.team.figures import PARTS, cost_by_method, cost_by_pretraining
 from p2l.evaluation.team.layouts import board_plans, environments
 from p2l.evaluation.team.overview import overview
@@ -27,13 +27,13 @@ def test_cost_lines_carry_the_means_of_every_method_and_their_names():
     figure = cost_by_pretraining(summary(study()), PANELS, "3 sets")
     above, below = figure.axes[:2], figure.axes[2:]
     for axes in (*above, *below):
-        assert set(lines(axes)) == {METHODS[method].label for method in COMPARED}
+        assert set(lines(axes)) == {METHODS[method].label for method in THESIS_METHODS}
         assert {text.get_text() for text in axes.texts} == set(lines(axes))
     assert lines(above[1])["AD"].get_ydata().tolist() == [1000.0, 900.0]
     assert lines(below[1])["AD"].get_ydata().tolist() == [100.0, 0.0]
     assert lines(below[1])["ADL"].get_ydata().tolist() == [0.0, 0.0]
     dashed = [line for line in above[0].lines if line.get_gid() != "labelled"]
-    assert len(dashed) == len(COMPARED)
+    assert len(dashed) == len(THESIS_METHODS)
     assert all("units of effort" in axes.get_ylabel() for axes in (above[0], below[0]))
 
 
@@ -41,11 +41,11 @@ def test_methods_that_did_not_run_have_no_line():
     frame = study()
     figure = cost_by_pretraining(summary(frame[frame["method"] != "cba_best"]), PANELS, "3 sets")
     assert METHODS["cba_best"].label not in lines(figure.axes[0])
-    assert len(lines(figure.axes[0])) == len(COMPARED) - 1
+    assert len(lines(figure.axes[0])) == len(THESIS_METHODS) - 1
 
 
 def test_bars_add_up_to_the_executed_cost():
-    frame = results({method: [100.0, 300.0] for method in COMPARED})
+    frame = results({method: [100.0, 300.0] for method in THESIS_METHODS})
     frame = frame.assign(attempts=5.0, failures=1.0, delegated=0.5, demos=0.5)
     costs = {"c_rob": 10.0, "c_fail": 50.0, "c_hum": 100.0, "c_demo": 100.0}
     axes = cost_by_method(frame, costs, {"adl": 180.0}, "title").axes[0]
@@ -54,8 +54,10 @@ def test_bars_add_up_to_the_executed_cost():
     ]
     assert len(bars) == len(PARTS)
     tops = [bar.get_y() + bar.get_height() for bar in bars[-1]]
-    assert tops == pytest.approx([200.0] * len(COMPARED))
-    assert [label.get_text() for label in axes.get_xticklabels()] == [METHODS[method].label for method in COMPARED]
+    assert tops == pytest.approx([200.0] * len(THESIS_METHODS))
+    assert [label.get_text() for label in axes.get_xticklabels()] == [
+        METHODS[method].label for method in THESIS_METHODS
+    ]
     assert axes.collections[-1].get_offsets()[:, 1].tolist() == [180.0]
 
 

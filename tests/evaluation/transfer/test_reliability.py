@@ -4,17 +4,17 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from p2l.evaluation.transfer.fit import Judged, calibration_table
+from p2l.evaluation.transfer.fit import Predictions, calibration_table
 from p2l.evaluation.transfer.reliability import reliability_diagram
 
 
-def _judged(method, p):
+def _predictions(method, p):
     number = np.arange(len(p))
-    return Judged(method, "new_test", np.array(p), number % 3, 4, number, number)
+    return Predictions(method, "new_test", np.array(p), number % 3, 4, number, number)
 
 
 def test_reliability_diagram_shows_each_method_and_tolerates_empty_bins(tmp_path):
-    table = calibration_table([_judged("model", [0.05, 0.07, 0.93]), _judged("constant", [0.4, 0.4, 0.4])])
+    table = calibration_table([_predictions("model", [0.05, 0.07, 0.93]), _predictions("constant", [0.4, 0.4, 0.4])])
     both, one = tmp_path / "both.png", tmp_path / "one.png"
     reliability_diagram(table, ("model", "constant"), "plane", both)
     reliability_diagram(table, ("model",), "plane", one)
@@ -25,7 +25,7 @@ def test_reliability_diagram_shows_each_method_and_tolerates_empty_bins(tmp_path
 
 
 def test_a_failed_drawing_leaves_nothing_behind(tmp_path):
-    table = calibration_table([_judged("model", [0.5])]).drop(columns="rate")
+    table = calibration_table([_predictions("model", [0.5])]).drop(columns="rate")
     with pytest.raises(KeyError):
         reliability_diagram(table, ("model",), "plane", tmp_path / "figure.png")
     assert list(tmp_path.iterdir()) == []

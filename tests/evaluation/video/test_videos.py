@@ -114,6 +114,6 @@ def test_without_a_gl_the_work_goes_on_without_videos(pushed, tmp_path, fresh, c
 
 
 def test_drawing_may_be_switched_off(fresh):
-    fresh.setattr(videos, "ASKED", "disable")
+    fresh.setattr(videos, "GL_CHOICE", "disable")
     with pytest.raises(NoGLError, match="MUJOCO_GL=disable; unset it"):
         backend()

@@ -1,13 +1,13 @@
-"""Lazy RecoveryChaining: options whose outcome is certain enough are paid without being simulated.
+"""Lazy RecoveryChaining: options whose success is certain enough are rewarded without simulation.
 
-One classifier per nominal option is refitted from the outcomes seen so far. Where its precision on held-out outcomes
+One classifier per nominal option is refitted to the outcomes so far. Where its precision on held-out outcomes
 exceeds `precision` at a threshold, an option that scores above the threshold ends the episode with reward 1. The
 outcome of an option does not depend on the policy, so every outcome stays valid for the whole run.
 
-1. An outcome that has been seen already, of the same option from the same observation, is not counted again: episodes
-   start at the same failures time and again, and copies on both sides of the split would make any forest look right.
-2. A share of the certain options is simulated all the same (`audit`): the policy goes where it is paid, and a forest
-   that is wrong there would otherwise never hear of it.
+1. A repeated outcome, of the same option from the same observation, does not count: episodes start at the same failures
+   time and again, and copies on both sides of the split would make any forest look right.
+2. A share of the certain options is simulated all the same (`audit`): the policy goes where it is rewarded, and without
+   audits a forest that is wrong there would never be corrected.
 3. The classifier is a forest of randomised trees: no scale to tune, and probabilities that are shares of votes.
 
 Axis letters: K decisions, O observation columns.
@@ -35,7 +35,7 @@ class LazySettings:
     """When an option counts as certain.
 
     Attributes:
-        outcomes: seen before a classifier is fitted.
+        outcomes: of an option, needed for its first classifier.
         of_either_kind: successes, and failures, among them.
         refit_after: new outcomes between fits.
         precision: on held-out outcomes above the threshold.
@@ -58,8 +58,8 @@ class LazySettings:
         least = {"outcomes": 1, "of_either_kind": 2, "refit_after": 1, "support": 1, "trees": 1}  # 2: one is held out
         for name, number in least.items():
             if not whole(getattr(self, name), at_least=number):
-                told = getattr(self, name)
-                raise ConfigError(f"lazy_rc: {name} must be an integer of at least {number}, got {told!r}")
+                value = getattr(self, name)
+                raise ConfigError(f"lazy_rc: {name} must be an integer of at least {number}, got {value!r}")
         for name in ("precision", "held_out"):
             if not share(getattr(self, name)):
                 raise ConfigError(f"lazy_rc: {name} must be a number above 0 and below 1, got {getattr(self, name)!r}")
@@ -68,7 +68,7 @@ class LazySettings:
 
 
 class Lazy:
-    """Outcomes seen so far, and what they make certain.
+    """Outcomes of the nominal options so far, and classifiers of their success.
 
     Args:
         options: number of nominal options.
@@ -80,52 +80,56 @@ class Lazy:
         self.settings = settings
         self._seed = seed
         self._rng = generator(seed, "lazy_rc", "audit")
-        self._seen: list[list[Array]] = [[] for _ in range(options)]
-        self._known: list[set[bytes]] = [set() for _ in range(options)]  # of them, as bytes
-        self._paid: list[list[bool]] = [[] for _ in range(options)]
-        self._fitted = [0] * options
+        self._observations: list[list[Array]] = [[] for _ in range(options)]
+        self._keys: list[set[bytes]] = [set() for _ in range(options)]  # the observations as bytes
+        self._successes: list[list[bool]] = [[] for _ in range(options)]
+        self._fit_sizes = [0] * options
         self._forests: list[tuple[ExtraTreesClassifier, float] | None] = [None] * options
         self._pending: dict[int, tuple[int, Array]] = {}
 
     def sure(self, observation: Array, action: IntArray) -> BoolArray:
-        """[K] certain, and not up for an audit."""
-        found = np.zeros(len(action), dtype=np.bool_)
-        for option, known in enumerate(self._forests):
+        """[K] certain to succeed, and not selected for an audit."""
+        certain = np.zeros(len(action), dtype=np.bool_)
+        for option, classifier in enumerate(self._forests):
             mine = np.flatnonzero(action == len(PRIMITIVES) + option)
-            if known is not None and len(mine):
-                forest, threshold = known
-                found[mine] = forest.predict_proba(observation[mine])[:, 1] >= threshold
-        return np.asarray(found & (self._rng.random(len(action)) >= self.settings.audit))
+            if classifier is not None and len(mine):
+                forest, threshold = classifier
+                certain[mine] = forest.predict_proba(observation[mine])[:, 1] >= threshold
+        return np.asarray(certain & (self._rng.random(len(action)) >= self.settings.audit))
 
     def begin(self, slots: IntArray, observation: Array, action: IntArray) -> None:
-        """Remember which options are simulated from where."""
-        for slot, seen, chosen in zip(slots.tolist(), observation, (action - len(PRIMITIVES)).tolist(), strict=True):
-            if chosen >= 0:
-                self._pending[slot] = (chosen, seen)
+        """Remember the options that are simulated, and their observations."""
+        for slot, one, option in zip(slots.tolist(), observation, (action - len(PRIMITIVES)).tolist(), strict=True):
+            if option >= 0:
+                self._pending[slot] = (option, one)
 
-    def end(self, told: Transitions) -> None:
-        """Learn from options that have come out."""
-        for slot, done in zip(told.slot.tolist(), told.done.tolist(), strict=True):
-            if (known := self._pending.pop(slot, None)) is not None:
-                self._note(*known, done)
-        for option, paid in enumerate(self._paid):
-            if len(paid) - self._fitted[option] >= self.settings.refit_after:
+    def end(self, transitions: Transitions) -> None:
+        """Learn from the outcomes of options that have ended."""
+        for slot, done in zip(transitions.slot.tolist(), transitions.done.tolist(), strict=True):
+            if (pending := self._pending.pop(slot, None)) is not None:
+                self._note(*pending, done)
+        for option, successes in enumerate(self._successes):
+            if len(successes) - self._fit_sizes[option] >= self.settings.refit_after:
                 self._refit(option)
 
-    def _note(self, option: int, seen: Array, done: bool) -> None:
-        if (key := seen.tobytes()) not in self._known[option]:
-            self._known[option].add(key)
-            self._seen[option].append(seen)
-            self._paid[option].append(done)
+    def _note(self, option: int, observation: Array, success: bool) -> None:
+        if (key := observation.tobytes()) not in self._keys[option]:
+            self._keys[option].add(key)
+            self._observations[option].append(observation)
+            self._successes[option].append(success)
 
     def _refit(self, option: int) -> None:
-        settings, paid = self.settings, np.array(self._paid[option])
-        if len(paid) < settings.outcomes or min(paid.sum(), (~paid).sum()) < settings.of_either_kind:
+        settings, success = self.settings, np.array(self._successes[option])
+        if len(success) < settings.outcomes or min(success.sum(), (~success).sum()) < settings.of_either_kind:
             return
-        self._fitted[option] = len(paid)
-        seed = entropy(self._seed, "lazy_rc", option, len(paid)) & (2**32 - 1)
+        self._fit_sizes[option] = len(success)
+        seed = entropy(self._seed, "lazy_rc", option, len(success)) & (2**32 - 1)
         parts = train_test_split(
-            np.stack(self._seen[option]), paid, test_size=settings.held_out, stratify=paid, random_state=seed
+            np.stack(self._observations[option]),
+            success,
+            test_size=settings.held_out,
+            stratify=success,
+            random_state=seed,
         )
         forest = ExtraTreesClassifier(settings.trees, min_samples_leaf=2, random_state=seed).fit(parts[0], parts[2])
         threshold = certain_from(forest.predict_proba(parts[1])[:, 1], parts[3], settings.precision, settings.support)
@@ -133,22 +137,30 @@ class Lazy:
 
     def state(self) -> dict[str, Array]:
         """The outcomes, for a checkpoint."""
-        known = {f"seen.{option}": np.stack(seen) for option, seen in enumerate(self._seen) if seen}
-        return known | {f"paid.{option}": np.array(paid, dtype=float) for option, paid in enumerate(self._paid) if paid}
+        arrays = {
+            f"seen.{option}": np.stack(observations)
+            for option, observations in enumerate(self._observations)
+            if observations
+        }
+        return arrays | {
+            f"paid.{option}": np.array(successes, dtype=float)
+            for option, successes in enumerate(self._successes)
+            if successes
+        }
 
     def restore(self, state: Mapping[str, Array]) -> None:
         """From what `state` gave."""
-        for option in range(len(self._seen)):
+        for option in range(len(self._observations)):
             if f"seen.{option}" in state:
-                for seen, paid in zip(state[f"seen.{option}"], state[f"paid.{option}"], strict=True):
-                    self._note(option, seen, bool(paid > 0.5))
+                for observation, success in zip(state[f"seen.{option}"], state[f"paid.{option}"], strict=True):
+                    self._note(option, observation, bool(success > 0.5))
                 self._refit(option)
 
 
-def certain_from(probability: Array, paid: BoolArray, precision: float, support: int) -> float | None:
-    """The lowest threshold at and above which more than `precision` of at least `support` outcomes were paid."""
+def certain_from(probability: Array, success: BoolArray, precision: float, support: int) -> float | None:
+    """The lowest threshold at and above which more than `precision` of at least `support` outcomes are successes."""
     order = np.argsort(-probability, kind="stable")
-    right = np.cumsum(paid[order]) / np.arange(1, len(order) + 1)
+    right = np.cumsum(success[order]) / np.arange(1, len(order) + 1)
     last_of_value = np.append(np.diff(probability[order]) < 0.0, True)
     good = np.flatnonzero((right > precision) & last_of_value & (np.arange(len(order)) >= support - 1))
     return None if not len(good) else float(probability[order[good[-1]]])
@@ -163,6 +175,6 @@ def learner(
     precision: float = 0.95,
     audit: float = 0.1,
 ) -> Learner:
-    """RecoveryChaining with certain options unsimulated; for the settings see `LazySettings`."""
+    """RecoveryChaining without simulation of certain options; for the settings see `LazySettings`."""
     settings = LazySettings(outcomes=outcomes, of_either_kind=of_either_kind, precision=precision, audit=audit)
     return Learner(limits, task.failures, shortcut=Lazy(len(task.nominal), settings, task.seed))

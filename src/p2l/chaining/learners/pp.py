@@ -1,9 +1,9 @@
-"""Pretrained preconditions: learn to reach what offline data says the nominal controllers start from (thesis, 5.3.3).
+"""Pretrained preconditions: learn to reach the preconditions of the nominal controllers (thesis, 5.3.3).
 
-The same primitives and failures; an episode is paid, and ends, where the precondition of one of the controllers holds.
-Afterwards the controller that scores best there takes over.
+Preconditions are classifiers fitted offline to nominal trajectories. With the same primitives and failures, an episode
+is rewarded, and ends, where one of them holds. Afterwards the controller that scores best there takes over.
 
-1. Failures at which a precondition is already believed to hold are nothing to learn from, and left out of the starts.
+1. Failures at which a precondition already holds are nothing to learn from, and left out of the starts.
 2. Where no precondition holds at the bounds of an episode, the best-scoring controller takes over all the same.
 """
 
@@ -11,10 +11,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from p2l.chaining import preconditions
 from p2l.chaining.learner import ChainTask, Learner, share, whole
-from p2l.chaining.mdp import Limits, Played
+from p2l.chaining.mdp import Limits, Outcomes
 from p2l.chaining.pool import first_state
+from p2l.chaining.preconditions import fit, visit
 from p2l.errors import ConfigError
 from p2l.records import Array, BoolArray
 from p2l.seeding import generator
@@ -23,14 +23,14 @@ from p2l.seeding import generator
 def learner(
     task: ChainTask, limits: Limits, *, trajectories: int = 300, every: int = 5, threshold: float = 0.5
 ) -> Learner:
-    """Fit the preconditions offline, then pay for reaching them.
+    """Fit the preconditions offline, then reward reaching them.
 
     Args:
-        task: what for.
+        task: of the policy.
         limits: bounds of an episode.
-        trajectories: nominal ones to learn the preconditions from.
+        trajectories: nominal ones, to fit the preconditions to.
         every: control steps between their states.
-        threshold: probability from which a precondition counts as met.
+        threshold: probability from which a precondition holds.
 
     Raises:
         ConfigError: a parameter that makes no sense.
@@ -41,14 +41,14 @@ def learner(
     if not share(threshold):
         raise ConfigError(f"pp: threshold must be a number above 0 and below 1, got {threshold!r}")
     starts = task.world.sample(generator(task.seed, "pp", task.world.name, "trajectories"), trajectories)
-    visited = preconditions.visit(task.world, task.nominal, starts, every=every)
+    states = visit(task.world, task.nominal, starts, every=every)
     rng = generator(task.seed, "pp", task.world.name, "fit")
-    known = preconditions.fit(visited, task.nominal, limits.fields, threshold, rng)
-    open_ones = ~known.met(first_state(task.world, task.failures, limits).values)
+    preconditions = fit(states, task.nominal, limits.fields, threshold, rng)
+    open_ones = ~preconditions.holds(first_state(task.world, task.failures, limits).values)
 
-    def reached(played: Played) -> tuple[Array, BoolArray]:
-        met = known.met(played.observation) & ~played.failed
-        return met.astype(np.float64), met
+    def judge(outcomes: Outcomes) -> tuple[Array, BoolArray]:
+        holds = preconditions.holds(outcomes.observation) & ~outcomes.failed
+        return holds.astype(np.float64), holds
 
     rows = task.failures.take(open_ones) if open_ones.any() else task.failures
-    return Learner(limits, rows, options=False, judge=reached, preconditions=known)
+    return Learner(limits, rows, options=False, judge=judge, preconditions=preconditions)

@@ -1,4 +1,4 @@
-"""RecoveryChaining: primitives and terminal nominal options, paid with task success (thesis, section 5.3.2)."""
+"""RecoveryChaining: primitives and terminal nominal options, rewarded by task success (thesis, section 5.3.2)."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ from dataclasses import replace
 import numpy as np
 
 from p2l.chaining.learner import ChainTask, Learner, whole
-from p2l.chaining.mdp import Limits, Played
+from p2l.chaining.mdp import Limits, Outcomes
 from p2l.contracts.observation import Privileged
 from p2l.contracts.rows import Rows
 from p2l.contracts.world import Delivering, World
@@ -36,13 +36,13 @@ def learner(task: ChainTask, limits: Limits, *, decisions: int = 80, starts: int
     """The whole task.
 
     Args:
-        task: what for.
-        limits: what a state is made of.
+        task: of the policy.
+        limits: observations that a state is made of.
         decisions: of an episode.
         starts: start states, drawn once.
 
     Raises:
-        ConfigError: nobody has said where the object belongs in this world, or a parameter makes no sense.
+        ConfigError: the world does not define where its object belongs, or a parameter makes no sense.
     """
     for name, value in (("decisions", decisions), ("starts", starts)):
         if not whole(value, at_least=1):
@@ -59,22 +59,22 @@ def learner(task: ChainTask, limits: Limits, *, decisions: int = 80, starts: int
 
 
 def potential(world: World, rows: Rows, place: Place) -> Array:
-    """[K] in [0, 1]: how far the task has come."""
+    """[K] in [0, 1], 1 where the object is held at its place."""
     truth = world.privileged(rows)
     thing = truth["object_pos_m"]
     reach = np.linalg.norm(truth["grip_pos_m"] - thing, axis=1)
-    held = (reach < NEAR_M) & (rows.grip > 0.5) & (truth["gap_m"][:, 0] > 0.01)
+    holding = (reach < NEAR_M) & (rows.grip > 0.5) & (truth["gap_m"][:, 0] > 0.01)
     away = np.linalg.norm(place(truth) - thing, axis=1)
-    return REACH * _closeness(reach) + held * (HOLD + CARRY * _closeness(away))
+    return REACH * _closeness(reach) + holding * (HOLD + CARRY * _closeness(away))
 
 
 def _closeness(distance_m: Array) -> Array:
     return np.asarray(1.0 - np.tanh(SHARPNESS_PER_M * distance_m))
 
 
-def _growth(world: World, place: Place) -> Callable[[Played], tuple[Array, BoolArray]]:
-    def judge(played: Played) -> tuple[Array, BoolArray]:
-        grown = potential(world, played.after, place) - potential(world, played.before, place)
-        return grown + played.done, played.done
+def _growth(world: World, place: Place) -> Callable[[Outcomes], tuple[Array, BoolArray]]:
+    def judge(outcomes: Outcomes) -> tuple[Array, BoolArray]:
+        growth = potential(world, outcomes.after, place) - potential(world, outcomes.before, place)
+        return growth + outcomes.done, outcomes.done
 
     return judge

@@ -48,11 +48,11 @@ def make_learner(name: str, task: ChainTask, limits: Limits, params: Mapping[str
 
     Args:
         name: of the learner.
-        task: what for.
+        task: of the policy.
         limits: bounds of an episode.
         params: its own settings.
 
     Raises:
         ConfigError: unknown, or a parameter that it does not take or refuses.
     """
-    return LEARNERS.checked(name, params, own=("task", "limits"))(task, limits, **dict(params or {}))
+    return LEARNERS.factory_for(name, params, own=("task", "limits"))(task, limits, **dict(params or {}))

@@ -14,34 +14,19 @@ Axis letters: K skills, M tasks, R noise draws, N rows, P = 24 parameters.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, fields, replace
-from typing import Any, Literal, TypeVar
+from dataclasses import dataclass, field, replace
+from typing import Literal
 
-import mujoco
 import numpy as np
 
 from p2l.contracts.domain import Encoding, InsertionView, Progress, Tasks
+from p2l.domains.insertion.demonstration import Demonstration
 from p2l.domains.insertion.layouts import board_tasks, sample_board_tasks, sample_grid_tasks
-from p2l.domains.insertion.physics import (
-    DIRECTIONS,
-    DISTANCE_NAMES,
-    FEATURE_NAMES,
-    PART_HALF_WIDTH,
-    POSITION_SENSOR,
-    InsertionPhysics,
-    build_model,
-    is_inserted,
-    start_states,
-)
-from p2l.domains.insertion.waypoints import WAYPOINT_SIZE, WaypointTiming, execute
-from p2l.errors import ConfigError
+from p2l.domains.insertion.physics import FEATURE_NAMES, InsertionPhysics, is_inserted
+from p2l.domains.insertion.rollouts import Rollouts
+from p2l.domains.insertion.waypoints import WAYPOINTS
 from p2l.records import Array, BoolArray, IntArray
-from p2l.sim.batch import Engine
 from p2l.skills.reps import SearchDistribution, update
-
-WAYPOINTS = 6
-ROWS_PER_BATCH = 2048
 
 
 @dataclass(frozen=True)
@@ -58,17 +43,6 @@ class RepsSettings:
     variance_floor_share: float = 0.04
     validation_draws: int = 40
     solved_rate: float = 0.95
-
-
-@dataclass(frozen=True)
-class Demonstration:
-    """What the person shows (m and N/m): how far the part is pushed past the wall, pressed and swept."""
-
-    overtravel: float = 0.015
-    press: float = 0.008
-    sweep: float = 0.009
-    push: float = 0.03
-    stiffness: float = 500.0
 
 
 @dataclass(frozen=True)
@@ -96,8 +70,6 @@ class InsertionDomain:
     reps: RepsSettings = field(default_factory=RepsSettings)
     demonstration: Demonstration = field(default_factory=Demonstration)
     nthread: int = 2
-
-    timing = WaypointTiming(control_steps=8, settle_steps=1, stiffness_angular=4.0, stiffness_bounds=(50.0, 1500.0))
 
     @property
     def name(self) -> str:
@@ -128,43 +100,25 @@ class InsertionDomain:
 
     def demonstrate(self, tasks: Tasks, rng: np.random.Generator) -> Array:
         """[M, P] the waypoints that a person shows on each task: touch, press, come back, search, push."""
-        shown = self.demonstration
-        distances = tasks.features[:, : len(DISTANCE_NAMES)] / 100.0
-        nearest = distances + rng.uniform(0.0, 1e-4, distances.shape)
-        side = nearest.argmin(1)
-        wall = distances[np.arange(len(tasks)), side]
-        towards = np.zeros((len(tasks), 3))
-        towards[:, :2] = DIRECTIONS[side]
-        along = np.stack([-towards[:, 1], towards[:, 0], np.zeros(len(tasks))], axis=1)
-        down = np.array([0.0, 0.0, -1.0])
-        press = shown.press * down
-        waypoints = np.zeros((len(tasks), WAYPOINTS, WAYPOINT_SIZE))
-        waypoints[:, 0, :3] = towards * (wall - PART_HALF_WIDTH + shown.overtravel)[:, None]
-        waypoints[:, 1, :3] = press + self.physics.hover * down
-        waypoints[:, 2, :3] = -towards * (wall - PART_HALF_WIDTH)[:, None] + press
-        waypoints[:, 3, :3] = -shown.sweep * along + press
-        waypoints[:, 4, :3] = 2.0 * shown.sweep * along + press
-        waypoints[:, 5, :3] = shown.push * down
-        waypoints[:, :, 3] = np.log10(shown.stiffness)
-        return waypoints.reshape(len(tasks), -1)
+        return self.demonstration.waypoints(tasks, self.physics.hover, rng)
 
     def learn(self, tasks: Tasks, index: IntArray, rng: np.random.Generator, progress: Progress | None = None) -> Array:
         """Learn one skill per entry of `index` by REPS, all searches together; returns [K, P]."""
-        chosen = tasks.take(index)
-        searches = self._first_distributions(self.demonstrate(chosen, rng))
+        skill_tasks = tasks.take(index)
+        searches = self._first_distributions(self.demonstrate(skill_tasks, rng))
         floor = self.reps.variance_floor_share * np.diag(searches[0].covariance)
         best = np.stack([search.mean for search in searches])
-        best_rate = self.evaluate_own(best, chosen, self.reps.validation_draws, rng)
+        best_rate = self.evaluate_own(best, skill_tasks, self.reps.validation_draws, rng)
         open_rows = np.flatnonzero(best_rate < self.reps.solved_rate)
         for round_index in range(self.reps.updates):
             if not len(open_rows):
                 break
             samples = np.stack([searches[k].sample(rng, self.reps.samples) for k in open_rows])
-            returns = self._returns(samples, chosen.take(open_rows), rng)
+            returns = self._returns(samples, skill_tasks.take(open_rows), rng)
             for row, k in enumerate(open_rows.tolist()):
                 searches[k] = self._update(searches[k], samples[row], returns[row], floor)
             means = np.stack([searches[k].mean for k in open_rows])
-            rates = self.evaluate_own(means, chosen.take(open_rows), self.reps.validation_draws, rng)
+            rates = self.evaluate_own(means, skill_tasks.take(open_rows), self.reps.validation_draws, rng)
             better = rates >= best_rate[open_rows]
             best[open_rows[better]], best_rate[open_rows[better]] = means[better], rates[better]
             open_rows = np.flatnonzero(best_rate < self.reps.solved_rate)
@@ -188,14 +142,14 @@ class InsertionDomain:
         k, m, r = (
             axis.ravel() for axis in np.meshgrid(np.arange(count), np.arange(size), np.arange(draws), indexing="ij")
         )
-        tips = self._run(skills[k], tasks, m, errors[m, r], progress)
+        tips = self._rollouts.tips(skills[k], tasks, m, errors[m, r], progress)
         return np.asarray(is_inserted(tips, self.physics).reshape(count, size, draws))
 
     def evaluate_own(self, skills: Array, tasks: Tasks, draws: int, rng: np.random.Generator) -> Array:
         """[K] success rate of skill k on task k over `draws` fresh estimate errors."""
         errors = rng.normal(0.0, self.noise_std, (len(skills) * draws, 2))
         rows = np.repeat(np.arange(len(skills)), draws)
-        tips = self._run(skills[rows], tasks, rows, errors)
+        tips = self._rollouts.tips(skills[rows], tasks, rows, errors)
         return np.asarray(is_inserted(tips, self.physics).reshape(len(skills), draws).mean(1))
 
     def without_walls(self, tasks: Tasks) -> Tasks:
@@ -206,21 +160,14 @@ class InsertionDomain:
     def view(self, skill: Array, task: Tasks, rng: np.random.Generator, draws: int = 12) -> InsertionView:
         """Paths of the tip in several noise draws."""
         errors = rng.normal(0.0, self.noise_std, (draws, 2))
-        with Engine([self._model(task, 0)], control_period_s=self.physics.control_period_s, nthread=1) as engine:
-            _, trace = execute(
-                engine,
-                start_states(engine, errors, self.physics),
-                np.tile(skill.reshape(1, WAYPOINTS, WAYPOINT_SIZE), (draws, 1, 1)),
-                np.zeros(draws, dtype=np.int64),
-                self.timing,
-                position_sensor=POSITION_SENSOR,
-                keep_trace=True,
-            )
-        assert trace is not None
-        paths = trace.sensor("tip_pos")
+        paths = self._rollouts.tip_paths(skill, task, errors)
         walls = task.payload["walls"][0, : task.payload["wall_count"][0]]
         success = is_inserted(paths[:, -1], self.physics)
         return InsertionView(task.names[0], walls, self.physics.slot_half_width, paths, success)
+
+    @property
+    def _rollouts(self) -> Rollouts:
+        return Rollouts(self.physics, self.nthread)
 
     def _first_distributions(self, means: Array) -> list[SearchDistribution]:
         std = np.tile([self.reps.displacement_std] * 3 + [self.reps.log_stiffness_std], WAYPOINTS)
@@ -243,107 +190,8 @@ class InsertionDomain:
         count, size, parameters = samples.shape
         errors = rng.normal(0.0, self.noise_std, (count * size, 2))
         rows = np.repeat(np.arange(count), size)
-        tips = self._run(samples.reshape(-1, parameters), tasks, rows, errors)
+        tips = self._rollouts.tips(samples.reshape(-1, parameters), tasks, rows, errors)
         depth = np.clip(-tips[:, 2] / self.physics.slot_depth, 0.0, 1.0)
         miss = np.minimum(np.linalg.norm(tips[:, :2], axis=1) / 0.03, 1.0)
         returns = is_inserted(tips, self.physics) + 0.5 * depth - 0.5 * miss
         return np.asarray(returns.reshape(count, size))
-
-    def _run(
-        self, skills: Array, tasks: Tasks, task_index: IntArray, errors: Array, progress: Progress | None = None
-    ) -> Array:
-        """[N, 3] where the tip ends, m, for row n = skill n on task `task_index[n]` with slot error `errors[n]`."""
-        used, model_index = np.unique(task_index, return_inverse=True)
-        models = [self._model(tasks, int(task)) for task in used]
-        ended = []
-        with Engine(models, control_period_s=self.physics.control_period_s, nthread=self.nthread) as engine:
-            for first in range(0, len(skills), ROWS_PER_BATCH):
-                rows = slice(first, first + ROWS_PER_BATCH)
-                states = start_states(engine, errors[rows], self.physics)
-                waypoints = skills[rows].reshape(-1, WAYPOINTS, WAYPOINT_SIZE)
-                chunk, _ = execute(
-                    engine, states, waypoints, model_index[rows], self.timing, position_sensor=POSITION_SENSOR
-                )
-                ended.append(engine.sensor(chunk, "tip_pos")[:, -1])
-                if progress is not None:
-                    progress(min(rows.stop, len(skills)), len(skills))
-        return np.concatenate(ended)
-
-    def _model(self, tasks: Tasks, index: int) -> mujoco.MjModel:
-        return build_model(tasks.payload["walls"][index, : tasks.payload["wall_count"][index]], self.physics)
-
-
-def insertion(
-    *,
-    layout: Literal["grid", "board"] = "grid",
-    physics: Mapping[str, Any] | None = None,
-    noise_std: float = 0.003,
-    layout_seed: int = 0,
-    farthest_wall_cm: float = 2.0,
-    board_distance_m: Sequence[float] = (0.007, 0.025),
-    reps: Mapping[str, Any] | None = None,
-    demonstration: Mapping[str, Any] | None = None,
-    nthread: int = 2,
-) -> InsertionDomain:
-    """Build an insertion domain from plain configuration values; nested settings are mappings.
-
-    Raises:
-        ConfigError: an unknown or impossible setting, with the allowed names.
-    """
-    if layout not in ("grid", "board"):
-        raise ConfigError(f"insertion: unknown layout '{layout}'; known layouts: grid, board")
-    numbers = [noise_std, farthest_wall_cm, layout_seed, nthread, *board_distance_m]
-    if not all(isinstance(number, (int, float)) and 0.0 <= number < np.inf for number in numbers) or nthread < 1:
-        raise ConfigError(f"insertion: noise_std, walls, seed, nthread, distances: {numbers} must be finite numbers")
-    low, high = (float(value) for value in board_distance_m)
-    if not 0.0 < low < high:
-        raise ConfigError(f"insertion: board_distance_m {board_distance_m} must be a rising range above 0")
-    return InsertionDomain(
-        layout=layout,
-        physics=_settings(InsertionPhysics, physics),
-        noise_std=float(noise_std),
-        layout_seed=int(layout_seed),
-        farthest_wall_cm=float(farthest_wall_cm),
-        board_distance_m=(low, high),
-        reps=_settings(RepsSettings, reps),
-        demonstration=_settings(Demonstration, demonstration),
-        nthread=int(nthread),
-    )
-
-
-def board(
-    *,
-    physics: Mapping[str, Any] | None = None,
-    noise_std: float = 0.003,
-    board_distance_m: Sequence[float] = (0.007, 0.025),
-    reps: Mapping[str, Any] | None = None,
-    demonstration: Mapping[str, Any] | None = None,
-    nthread: int = 2,
-) -> InsertionDomain:
-    """Build the peg board of table 3.1: `insertion` with holes instead of slots and a round tip."""
-    return insertion(
-        layout="board",
-        physics={"tip": "peg", **(physics or {})},
-        noise_std=noise_std,
-        board_distance_m=board_distance_m,
-        reps=reps,
-        demonstration=demonstration,
-        nthread=nthread,
-    )
-
-
-T = TypeVar("T")
-
-
-def _settings(kind: type[T], given: Mapping[str, Any] | None) -> T:
-    defaults = {item.name: item.default for item in fields(kind)}  # type: ignore[arg-type]
-    if unknown := sorted(set(given or {}) - set(defaults)):
-        raise ConfigError(f"insertion: unknown {kind.__name__} settings {unknown}; allowed: {', '.join(defaults)}")
-    for name, value in (given or {}).items():
-        if isinstance(defaults[name], str):
-            continue  # the tip, which `build_model` checks
-        whole = isinstance(defaults[name], int)
-        if isinstance(value, bool) or not isinstance(value, int if whole else (int, float)) or not 0 <= value < np.inf:
-            kind_of = "whole number" if whole else "finite number"
-            raise ConfigError(f"insertion: {kind.__name__}.{name} is {value!r}; it must be a {kind_of} of at least 0")
-    return kind(**(given or {}))

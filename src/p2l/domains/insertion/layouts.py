@@ -69,22 +69,22 @@ def grid_slots(walls: Array, farthest_wall_cm: float) -> Array:
 
 def relative_walls(walls: Array, slot: Array) -> Array:
     """Walls within reach of a slot, in the slot's frame [A, 4]."""
-    moved = walls - np.array([slot[0], slot[1], 0.0, 0.0])
-    gap = np.maximum(np.abs(moved[:, :2]) - moved[:, 2:], 0.0)
-    return np.asarray(moved[np.linalg.norm(gap, axis=1) < REACH])
+    relative = walls - np.array([slot[0], slot[1], 0.0, 0.0])
+    gap = np.maximum(np.abs(relative[:, :2]) - relative[:, 2:], 0.0)
+    return np.asarray(relative[np.linalg.norm(gap, axis=1) < REACH])
 
 
 def make_tasks(names: list[str], groups: list[int], scenes: list[Array]) -> Tasks:
-    """Tasks from the walls of each scene, in the slot's frame; padded to a common number of walls."""
-    padded = np.zeros((len(scenes), WALLS_PER_SCENE, 4))
+    """Tasks from the walls of each scene, in the slot's frame; zeros fill up to a common number of walls."""
+    walls = np.zeros((len(scenes), WALLS_PER_SCENE, 4))
     counts = np.zeros(len(scenes), dtype=np.int64)
-    for row, walls in enumerate(scenes):
+    for row, scene in enumerate(scenes):
         # The nearest faces first: where more walls are in reach than a scene holds, the farthest cannot matter.
-        gap = np.linalg.norm(np.maximum(np.abs(walls[:, :2]) - walls[:, 2:], 0.0), axis=1)
-        kept = walls[np.argsort(gap, kind="stable")][:WALLS_PER_SCENE]
-        padded[row, : len(kept)], counts[row] = kept, len(kept)
-    features = np.array([task_features(walls[:count]) for walls, count in zip(padded, counts, strict=True)])
-    payload = {"walls": padded, "wall_count": counts}
+        gap = np.linalg.norm(np.maximum(np.abs(scene[:, :2]) - scene[:, 2:], 0.0), axis=1)
+        nearest = scene[np.argsort(gap, kind="stable")][:WALLS_PER_SCENE]
+        walls[row, : len(nearest)], counts[row] = nearest, len(nearest)
+    features = np.array([task_features(task[:count]) for task, count in zip(walls, counts, strict=True)])
+    payload = {"walls": walls, "wall_count": counts}
     return Tasks(
         tuple(names), features.reshape(len(scenes), len(FEATURE_NAMES)), np.array(groups, dtype=np.int64), payload
     )

@@ -19,6 +19,7 @@ from p2l.sim.batch import Chunk, Engine
 from p2l.sim.trace import Trace
 
 WAYPOINT_SIZE = 4
+WAYPOINTS = 6  # of an insertion skill
 UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
 
 

@@ -124,15 +124,15 @@ class Lego:
         reach = np.packbits(distance <= self.firm_radius - self.margin, axis=1)  # [Q, Q / 8]
         everything = np.packbits(np.ones((1, len(places)), dtype=bool), axis=1)
         for count in range(1, self.max_taps + 1):
-            chosen = rng.integers(len(places), size=(self.candidates, count))
-            covered = np.bitwise_or.reduce(reach[chosen], axis=1)
-            full = np.flatnonzero((covered == everything).all(axis=1))[:256]
+            tap_sets = rng.integers(len(places), size=(self.candidates, count))
+            union = np.bitwise_or.reduce(reach[tap_sets], axis=1)
+            full = np.flatnonzero((union == everything).all(axis=1))[:256]
             if full.size:
                 break
         else:  # no set covers it: take the fullest of the longest
-            full = np.unpackbits(covered, axis=1).sum(axis=1).argmax(keepdims=True)
-        loosest = distance[chosen[full]].min(axis=1).max(axis=1)
-        return np.asarray(unit[chosen[full[loosest.argmin()]]])
+            full = np.unpackbits(union, axis=1).sum(axis=1).argmax(keepdims=True)
+        loosest = distance[tap_sets[full]].min(axis=1).max(axis=1)
+        return np.asarray(unit[tap_sets[full[loosest.argmin()]]])
 
     def evaluate(
         self,
@@ -151,8 +151,8 @@ class Lego:
         unit = skills.reshape(k, 1, t, 2)
         success = np.zeros((k, m, draws), dtype=bool)
         for j in range(m):
-            seen = {name: tasks.payload[name][j] for name in ("size", "offset", "angle")}
-            taps = rotate(unit * seen["size"] + noise[j], seen["angle"] + slip_angle[j]) + seen["offset"]
+            box = {name: tasks.payload[name][j] for name in ("size", "offset", "angle")}
+            taps = rotate(unit * box["size"] + noise[j], box["angle"] + slip_angle[j]) + box["offset"]
             success[:, j] = self.firm(int(tasks.group[j]), taps)
         return success
 
@@ -166,17 +166,17 @@ class Lego:
 
     def firm(self, part: int, taps: Array) -> BoolArray:
         """Whether taps [..., T, 2] (part frame, cm; NaN rows are absent) lock part number `part`: [...]."""
-        used = np.isfinite(taps[..., 0])
-        there = np.where(used[..., None], taps, 1e6)
-        misses = (used & (PARTS[part].distance(there) > self.tool_radius)).any(axis=-1)
+        present = np.isfinite(taps[..., 0])
+        positions = np.where(present[..., None], taps, 1e6)
+        misses = (present & (PARTS[part].distance(positions) > self.tool_radius)).any(axis=-1)
         result = np.zeros(taps.shape[:-2], dtype=bool)
-        result[~misses] = self.coverage(part, there[~misses]) >= self.covered
+        result[~misses] = self.coverage(part, positions[~misses]) >= self.covered
         return result
 
     def coverage(self, part: int, taps: Array) -> Array:
         """Share [N] of a part's area within `firm_radius` of taps [N, T, 2] (part frame, cm)."""
         x, y = PARTS[part].points(_PER_STUD).astype(np.float32).T
-        covered = np.zeros((len(taps), len(x)), dtype=bool)
+        inside = np.zeros((len(taps), len(x)), dtype=bool)
         for tap in np.moveaxis(taps.astype(np.float32), 1, 0):  # [N, 2]
-            covered |= (tap[:, :1] - x) ** 2 + (tap[:, 1:] - y) ** 2 <= self.firm_radius**2
-        return np.asarray(covered.mean(axis=1))
+            inside |= (tap[:, :1] - x) ** 2 + (tap[:, 1:] - y) ** 2 <= self.firm_radius**2
+        return np.asarray(inside.mean(axis=1))

@@ -98,7 +98,7 @@ class OverheadCamera:
 
 @dataclass(frozen=True)
 class Views:
-    """What is known of M parts on the table; the first two fields are seen, the last two are hidden truth.
+    """M pictures of parts on the table; the first two fields are observed, the last two are hidden truth.
 
     Attributes:
         image: [M, S, S] the crop in the grasp frame, axes x then y, stretched to a square.
@@ -128,9 +128,9 @@ def photograph(part: Part, camera: OverheadCamera, rng: np.random.Generator, m: 
     pixels = np.stack(np.meshgrid(axis, axis, indexing="ij"), axis=-1)
     in_part = rotate(pixels[None] - pose[:, None, None, :2], -pose[:, 2, None, None])
     value = ndimage.gaussian_filter((part.distance(in_part) == 0.0).astype(float), (0.0, camera.blur, camera.blur))
-    seen = value + rng.normal(0.0, camera.noise, value.shape) > 0.5
-    seen ^= rng.random(value.shape) < camera.flips
-    seen = ndimage.median_filter(seen, size=(1, 3, 3))  # lone specks would otherwise be tapped
+    picture = value + rng.normal(0.0, camera.noise, value.shape) > 0.5
+    picture ^= rng.random(value.shape) < camera.flips
+    picture = ndimage.median_filter(picture, size=(1, 3, 3))  # lone specks would otherwise be tapped
 
     sides = rng.normal(0.0, camera.box, (m, 2, 2))  # outward shift of the low and the high sides
     size = part.size + sides.sum(axis=1)
@@ -141,5 +141,5 @@ def photograph(part: Part, camera: OverheadCamera, rng: np.random.Generator, m: 
     crop = rotate(unit[None] * size[:, None, None], angle[:, None, None]) + offset[:, None, None]
     on_table = rotate(crop, pose[:, 2, None, None]) + pose[:, None, None, :2]
     index: IntArray = np.clip(np.floor((on_table + camera.field / 2) / camera.pixel), 0, count - 1).astype(np.int64)
-    image = seen[np.arange(m)[:, None, None], index[..., 0], index[..., 1]]
+    image = picture[np.arange(m)[:, None, None], index[..., 0], index[..., 1]]
     return Views(image, size, offset, angle)

@@ -1,12 +1,12 @@
-"""Recoveries learnt under other state uncertainty, or from other observations (thesis, section 5.4.2).
+"""Recoveries under other state uncertainty, or from other observations (thesis, section 5.4.2).
 
 "In our ablation studies with different amounts of state uncertainty, we found that the policy tends to be more
 conservative and learns relatively open-loop policies under high uncertainty"; and the number of past actions "was
-crucial". The thesis gives no numbers. Each variant's policies are learnt and judged in the variant itself.
+crucial". The thesis gives no numbers. Each variant's policies are trained and evaluated in the variant itself.
 
 Readings of the thesis:
 1. Conservative: more primitives before control is handed back, `primitives`.
-2. Open loop: which action is chosen depends on the number of the decision alone. `open_loop` is the share of decisions
+2. Open loop: the action depends on the number of the decision alone. `open_loop` is the share of decisions
    that are the commonest one at their number; 1 = the same sequence after every failure.
 """
 
@@ -26,28 +26,28 @@ TABLE = "ablation_5"
 OWN = "as_given"  # the world as it is configured
 
 
-def ablation_5(world: str, found: Mapping[str, pd.DataFrame], thesis: Thesis) -> pd.DataFrame:
+def ablation_5(world: str, episodes: Mapping[str, pd.DataFrame], thesis: Thesis) -> pd.DataFrame:
     """Success of every variant (pooled over seeds, Wilson limits), and how its policies act (by seed, t limits).
 
     Args:
         world: configured.
-        found: episodes of `chain_episodes` by variant; only its rows if there is another one than `OWN`.
+        episodes: of `chain_episodes`, by variant; without another variant than `OWN` the table is empty.
         thesis: for the column of its numbers.
     """
     rows: list[Row] = []
-    for variant, table in found.items() if set(found) - {OWN} else ():
+    for variant, table in episodes.items() if set(episodes) - {OWN} else ():
         setting = f"world={world};variant={variant}"
         for learner, part in table.groupby("learner", sort=False):
-            told = totals(part)
+            rates = totals(part)
             for name in ("nominal", "success", "recovery"):
-                rate = told[name]
+                rate = rates[name]
                 mean = rate["mean"] if rate["n"] else np.nan
                 rows.append((str(learner), setting, name, mean, rate["low"], rate["high"], int(rate["n"])))
-            acted = [one for _, one in part[part["flagged"]].groupby("seed")]
+            by_seed = [one for _, one in part[part["flagged"]].groupby("seed")]
             for name, measure in (("primitives", primitives), ("open_loop", open_loop)):
-                if acted:
-                    by_seed = t_interval([measure(one["actions"]) for one in acted])
-                    rows.append(interval_row(str(learner), setting, name, by_seed))
+                if by_seed:
+                    interval = t_interval([measure(one["actions"]) for one in by_seed])
+                    rows.append(interval_row(str(learner), setting, name, interval))
     return thesis.beside(table_of(rows), TABLE)
 
 

@@ -1,4 +1,4 @@
-"""Table 5.2: policies, unchanged, where they were not learnt."""
+"""Table 5.2: policies, unchanged, in worlds other than that of their training."""
 
 from __future__ import annotations
 

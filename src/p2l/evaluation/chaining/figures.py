@@ -9,7 +9,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from p2l.evaluation.sheets import pooled
+from p2l.evaluation.sheets import aggregates
 from p2l.evaluation.style import MethodStyle, label_ends, plain
 from p2l.records import Array
 
@@ -26,7 +26,7 @@ OPTION_COLOURS = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#D55E00")
 
 
 def style_of(learner: str) -> MethodStyle:
-    """How a learner is drawn and named; one that is registered by its user, too."""
+    """Colour, marker and label of a learner, also of one that a user has registered."""
     if learner in LEARNERS:
         return LEARNERS[learner]
     return MethodStyle(learner.replace("_", " "), OWN_COLOURS[sum(map(ord, learner)) % len(OWN_COLOURS)], "D")
@@ -57,8 +57,8 @@ def learning_curves(table: pd.DataFrame) -> Figure:
     return figure
 
 
-def options_tried(table: pd.DataFrame, world: str, learner: str = "rc") -> Figure:
-    """How often each nominal option is tried per round, as in figure 5.8.
+def option_counts(table: pd.DataFrame, world: str, learner: str = "rc") -> Figure:
+    """Counts of each nominal option per round, as in figure 5.8.
 
     Args:
         table: of `chain_tables.figure_5_8`.
@@ -92,7 +92,7 @@ def _band(axes: Axes, x: Array, part: pd.DataFrame, colour: str, step: Literal["
 
 def _with_numbers(table: pd.DataFrame, number: str) -> pd.DataFrame:
     """The rows over all seeds, with their settings as columns."""
-    table = pooled(table)
+    table = aggregates(table)
     parts = table["setting"].str.extract(rf"world=(?P<world>[^;]+);{number}=(?P<number>\d+)")
     return table.assign(world=parts["world"], **{number: parts["number"].astype(float)}).sort_values(
         number, kind="stable"

@@ -1,4 +1,4 @@
-"""What episodes of the whole robot add up to (thesis, table 5.1)."""
+"""Success rates of episodes of the whole robot (thesis, table 5.1)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from p2l.evaluation.statistics import wilson_interval
 def totals(episodes: pd.DataFrame) -> dict[str, dict[str, Any]]:
     """Rates of one learner with 95 % Wilson intervals: overall success, that of the nominal skills, and of recoveries.
 
-    Who does the whole task has the first alone.
+    A learner of the whole task has the first alone.
 
     Args:
         episodes: rows of `p2l.chaining.episodes.episodes_of_seed`.

@@ -1,4 +1,4 @@
-"""Figure 5.9 as numbers: how often recoveries start a nominal option where nominal execution never is, and the pay."""
+"""Figure 5.9 as numbers: how often recoveries start nominal options outside nominal states, and the success there."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def figure_5_9(world: str, reuse: pd.DataFrame, thesis: Thesis) -> pd.DataFrame:
 
     Args:
         world: name of the item.
-        reuse: rows of `p2l.chaining.reuse`, of all seeds; those that handed nothing over do not count.
+        reuse: rows of `p2l.chaining.reuse`, of all seeds; those without a handover do not count.
         thesis: for the column of its numbers.
     """
     rows: list[Row] = []
@@ -34,18 +34,18 @@ def figure_5_9(world: str, reuse: pd.DataFrame, thesis: Thesis) -> pd.DataFrame:
         for option in (*dict.fromkeys(whole["option"]), ANY):
             part = whole if option == ANY else whole[whole["option"] == option]
             for name in SETS:
-                known = part[part[f"off_{name}"].notna()]
-                off = known[f"off_{name}"].to_numpy(dtype=float) > 1.0
-                paid = known["success"].to_numpy(dtype=bool)
+                starts = part[part[f"off_{name}"].notna()]
+                off = starts[f"off_{name}"].to_numpy(dtype=float) > 1.0
+                success = starts["success"].to_numpy(dtype=bool)
                 setting = f"world={world};option={option}"
                 rows.append(_rate(str(learner), setting, f"outside_{name}", off))
-                rows.append(_rate(str(learner), setting, f"pays_outside_{name}", paid[off]))
-                rows.append(_rate(str(learner), setting, f"pays_inside_{name}", paid[~off]))
+                rows.append(_rate(str(learner), setting, f"pays_outside_{name}", success[off]))
+                rows.append(_rate(str(learner), setting, f"pays_inside_{name}", success[~off]))
     return thesis.beside(table_of(rows), TABLE)
 
 
 def novel_starts(table: pd.DataFrame, world: str, learner: str = "rc") -> Figure:
-    """Left, how often options are started outside nominal execution's states; right, how often that pays.
+    """Left, how often options are started outside nominal execution's states; right, how often that succeeds.
 
     Args:
         table: of `figure_5_9`.

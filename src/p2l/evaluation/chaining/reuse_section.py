@@ -9,13 +9,13 @@ import pandas as pd
 from p2l.evaluation.chaining.figures import MAIN
 from p2l.evaluation.chaining.readings import percent
 from p2l.evaluation.chaining.reuse import ANY, novel_starts
-from p2l.evaluation.chaining.views import CHAPTER, STAGE, commands, left_out, sheet, stacked
+from p2l.evaluation.chaining.views import CHAPTER, STAGE, absent_section, commands, joint_table, sheet
 from p2l.evaluation.page.page import Agreement, Films, Part, Picture, Reading, Section
 from p2l.evaluation.page.sources import Sources
 from p2l.evaluation.style import png
 
 COMMAND = "scripts/thesis_ablation.sh"
-DEFINED = (
+DEFINITION = (
     "A start is outside if its nearest neighbour among the states of successful nominal runs is farther away, in the "
     "world's features of failures, than that of 99 % of the states of other such runs; `visited` are all states in "
     "which the option is at work, `begun` those in which it starts."
@@ -26,8 +26,8 @@ def recovery_strategies(sources: Sources) -> Section:
     """By which strategy failures are recovered from."""
     title = "Section 5.4: recoveries by strategy"
     if not sources.chain_worlds:
-        return left_out(title)
-    table = stacked(sources, "strategies_5")
+        return absent_section(title)
+    table = joint_table(sources, "strategies_5")
     if not len(table):
         return Section(title, ["Left out: no learner's recoveries were followed (reuse.learners)."])
     caption = (
@@ -37,23 +37,23 @@ def recovery_strategies(sources: Sources) -> Section:
 
 
 def figure_5_9(sources: Sources) -> Section:
-    """How often nominal options are started where nominal execution never is, and how often that pays."""
+    """How often nominal options are started outside their nominal states, and how often that succeeds."""
     title = "Figure 5.9: novel reuse of nominal options"
     if not sources.chain_worlds:
-        return left_out(title)
-    table, claim = stacked(sources, "figure_5_9"), sources.chapter(CHAPTER).claims["figure_5_9", "novel"]
+        return absent_section(title)
+    table, claim = joint_table(sources, "figure_5_9"), sources.chapter(CHAPTER).claims["figure_5_9", "novel"]
     if not len(table):
         return Section(title, ["Left out: no recovery of a failure has handed over to a nominal option."])
-    parts: list[Part] = [DEFINED, _novel(claim, table)]
+    parts: list[Part] = [DEFINITION, _novel(claim, table)]
     for place, world in enumerate(sources.chain_worlds):
         if table["setting"].str.startswith(f"world={world};").any():
             name = "figure_5_9" if place == 0 else f"figure_5_9_{world}"
             parts.append(Picture(name, png(novel_starts(table, world, MAIN)), f"{world}; 95 % Wilson intervals."))
-        films, skipped = sources.videos(world, STAGE)
-        shown = [
+        films, reason = sources.videos(world, STAGE)
+        entries = [
             (f"{world} reuse", mp4, f"{world}, the most novel start that paid: {one['told']}") for one, mp4 in films
         ]
-        parts.append(Films(shown) if shown else f"{world}: no video, {skipped}.")
+        parts.append(Films(entries) if entries else f"{world}: no video, {reason}.")
     rows = table[table["metric"].str.endswith("_visited") & (table["n"] > 0)]
     parts.append(
         sheet("figure_5_9", rows, table, "Against the states in which an option is at work; others in the file.")
@@ -62,13 +62,13 @@ def figure_5_9(sources: Sources) -> Section:
 
 
 def ablation_5(sources: Sources) -> Section:
-    """Policies learnt under other state uncertainty, or from other observations."""
+    """Policies trained under other state uncertainty, or from other observations."""
     title = "Section 5.4.2: ablation over state uncertainty"
     if not sources.chain_worlds:
-        return left_out(title)
+        return absent_section(title)
     folders = [f"{world}_ablation" for world in sources.chain_worlds]
-    made = [one for one in folders if (sources.data / STAGE / one / "ablation_5.csv").is_file()]
-    tables = [sources.sheet(STAGE, one, "ablation_5.csv") for one in made]
+    folders = [one for one in folders if (sources.data / STAGE / one / "ablation_5.csv").is_file()]
+    tables = [sources.sheet(STAGE, one, "ablation_5.csv") for one in folders]
     if not any(len(table) for table in tables):
         return Section(title, [f"Left out: {COMMAND} learns under other noise and has not been run here."])
     table = pd.concat(tables, ignore_index=True)
@@ -84,17 +84,17 @@ SECTIONS: tuple[Callable[[Sources], Section], ...] = (recovery_strategies, figur
 
 def _novel(claim: str, table: pd.DataFrame) -> Reading:
     """Whether options are started outside nominal execution's states, and with success."""
-    told, verdicts = [], []
+    texts, verdicts = [], []
     for setting in dict.fromkeys(table["setting"]):
         world, option = (part.partition("=")[2] for part in setting.split(";"))
         mine = table[(table["setting"] == setting) & (table["method"] == MAIN)].set_index("metric").to_dict("index")
         outside, pays = mine.get("outside_visited"), mine.get("pays_outside_visited")
         if option != ANY or outside is None or pays is None or not outside["n"]:
             continue
-        paid = f", of which {percent(pays)} end with the task done" if pays["n"] else ""
-        told.append(f"{world}: {percent(outside)} of {outside['n']} starts are outside{paid}")
+        rest = f", of which {percent(pays)} end with the task done" if pays["n"] else ""
+        texts.append(f"{world}: {percent(outside)} of {outside['n']} starts are outside{rest}")
         verdicts.append(bool(pays["n"]) and bool(pays["mean"] > 0.0))
     agrees: Agreement = "unsaid"
     if verdicts:
         agrees = "yes" if all(verdicts) else "partly" if any(verdicts) else "no"
-    return Reading(claim, f"{'; '.join(told)}." if told else "No start of RC could be compared.", agrees)
+    return Reading(claim, f"{'; '.join(texts)}." if texts else "No start of RC could be compared.", agrees)

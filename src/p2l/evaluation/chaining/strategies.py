@@ -1,4 +1,4 @@
-"""How often each strategy of recovering pays (thesis, sections 5.4.1 and 5.4.2)."""
+"""Success of each recovery strategy (thesis, sections 5.4.1 and 5.4.2)."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def strategies_5(world: str, reuse: pd.DataFrame, thesis: Thesis) -> pd.DataFram
         success = part["success"].astype(bool)
         for name in sorted(set(part["strategy"])):
             mine, setting = part["strategy"] == name, f"world={world};strategy={name}"
-            paid = int((mine & success).sum())
-            rows.append(rate_row(str(learner), setting, "share", paid, int(success.sum())))
-            rows.append(rate_row(str(learner), setting, "recovery", paid, int(mine.sum())))
+            successes = int((mine & success).sum())
+            rows.append(rate_row(str(learner), setting, "share", successes, int(success.sum())))
+            rows.append(rate_row(str(learner), setting, "recovery", successes, int(mine.sum())))
     return thesis.beside(table_of(rows), TABLE)

@@ -18,7 +18,7 @@ from p2l.evaluation.statistics import paired_difference, t_interval
 from p2l.evaluation.thesis import Thesis
 
 BUDGET = 500_000  # control steps that the thesis gives every learner
-TABLE, CURVES, TRIED = "table_5_1", "figure_5_5", "figure_5_8"
+TABLE, CURVES, OPTIONS = "table_5_1", "figure_5_5", "figure_5_8"
 
 
 @dataclass(frozen=True)
@@ -41,8 +41,8 @@ def table_5_1(episodes: Mapping[str, pd.DataFrame], thesis: Thesis) -> pd.DataFr
     """Overall success of every learner in every world, beside the nominal skills.
 
     `success` pools the episodes of all seeds (Wilson limits); `success_by_seed` is the mean of the seeds' rates (t
-    limits, which also hold what differs between runs of learning); `recovery` counts only episodes that were flagged,
-    and is left out for who does the whole task. `success_minus_rc` is a learner's rate less that of RC on the same
+    limits, which also hold what differs between training runs); `recovery` counts only episodes that were flagged, and
+    is left out for learners of the whole task. `success_minus_rc` is a learner's rate less that of RC on the same
     start states: mean and t limits of the seeds' differences.
     Rows with a seed have the rates of its episodes.
     """
@@ -50,19 +50,19 @@ def table_5_1(episodes: Mapping[str, pd.DataFrame], thesis: Thesis) -> pd.DataFr
     for world, table in episodes.items():
         setting = f"world={world}"
         for learner, part in table.groupby("learner", sort=False):
-            told = totals(part)
-            rates = part[~part["diverged"]].groupby("seed")["success"].mean().to_numpy(dtype=float)
-            seeds = t_interval(rates)
-            names = [name for name in ("success", "recovery") if name in told]
-            rows += [_of(str(learner), setting, name, told[name]) for name in names]
+            rates = totals(part)
+            by_seed = part[~part["diverged"]].groupby("seed")["success"].mean().to_numpy(dtype=float)
+            seeds = t_interval(by_seed)
+            names = [name for name in ("success", "recovery") if name in rates]
+            rows += [_of(str(learner), setting, name, rates[name]) for name in names]
             for seed, own in part.groupby("seed"):
                 alone = totals(own)
                 rows += [_of(str(learner), f"{setting};seed={seed}", name, alone[name]) for name in names]
             rows.append(interval_row(str(learner), setting, "success_by_seed", seeds))
         rows += _beside_main(table, setting)
-        chained = table[~table["whole_task"]]
-        if len(chained):
-            first = chained[chained["learner"] == chained["learner"].iloc[0]]
+        recovering = table[~table["whole_task"]]
+        if len(recovering):
+            first = recovering[recovering["learner"] == recovering["learner"].iloc[0]]
             rows.append(_of("nominal", setting, "success", totals(first)["nominal"]))
             for seed, own in first.groupby("seed"):
                 rows.append(_of("nominal", f"{setting};seed={seed}", "success", totals(own)["nominal"]))
@@ -78,21 +78,21 @@ def _beside_main(table: pd.DataFrame, setting: str) -> list[Row]:
             continue
         both = sound[[learner, MAIN]].dropna().astype(float).groupby("seed").mean()
         if len(both):
-            found = paired_difference(both[learner].to_numpy(), both[MAIN].to_numpy())
-            rows.append(interval_row(str(learner), setting, BESIDE_MAIN, found))
+            difference = paired_difference(both[learner].to_numpy(), both[MAIN].to_numpy())
+            rows.append(interval_row(str(learner), setting, BESIDE_MAIN, difference))
     return rows
 
 
 def figure_5_5(runs: Mapping[str, Iterable[Learning]], thesis: Thesis, points: int = 51) -> pd.DataFrame:
     """Success of evaluations during training against control steps: mean and t limits over seeds, and each seed."""
     rows: list[Row] = []
-    for world, learnt in runs.items():
-        for learner, own in _by_learner(learnt).items():
+    for world, world_runs in runs.items():
+        for learner, own in _by_learner(world_runs).items():
             last = max(float(run.evaluations["control_steps"].iloc[-1]) for run in own)
             for steps in np.linspace(0.0, last, points):
-                found = t_interval([_at(run.evaluations, steps) for run in own])
+                interval = t_interval([_at(run.evaluations, steps) for run in own])
                 setting = f"world={world};control_steps={round(steps)}"
-                rows.append(interval_row(learner, setting, "success", found))
+                rows.append(interval_row(learner, setting, "success", interval))
             for run in own:
                 for one in run.evaluations.to_dict("records"):
                     setting = f"world={world};seed={run.seed};control_steps={round(one['control_steps'])}"
@@ -101,57 +101,60 @@ def figure_5_5(runs: Mapping[str, Iterable[Learning]], thesis: Thesis, points: i
 
 
 def figure_5_8(runs: Mapping[str, Iterable[Learning]], thesis: Thesis) -> pd.DataFrame:
-    """How often each nominal option is tried in a round of decisions: mean and t limits over seeds, and seeds."""
+    """Counts of each nominal option in a round of decisions: mean and t limits over seeds, and each seed."""
     rows: list[Row] = []
-    for world, learnt in runs.items():
-        for learner, own in _by_learner(learnt).items():
+    for world, world_runs in runs.items():
+        for learner, own in _by_learner(world_runs).items():
             options = [name for name in own[0].rounds.columns if name.startswith("chosen:from ")]
             for number in range(min(len(run.rounds) for run in own)):
                 for option in options:
                     counts = {run.seed: float(run.rounds[option].iloc[number]) for run in own}
-                    found = t_interval(list(counts.values()))
+                    interval = t_interval(list(counts.values()))
                     metric = option.removeprefix("chosen:from ")
                     setting = f"world={world};round={number}"
-                    rows.append(interval_row(learner, setting, metric, found))
+                    rows.append(interval_row(learner, setting, metric, interval))
                     for seed, count in counts.items():
                         rows.append(single_row(learner, f"{setting};seed={seed}", metric, count))
-    return thesis.beside(table_of(rows), TRIED)
+    return thesis.beside(table_of(rows), OPTIONS)
 
 
 def steps_to_thesis(table: pd.DataFrame, runs: Mapping[str, Iterable[Learning]], thesis: Thesis) -> pd.DataFrame:
     """Control steps at which a run first does as well as the thesis's learner, and their ratio to the thesis's budget.
 
     Overall success during training = nominal + (1 − nominal) · success of an evaluation, nominal being that of
-    `table_5_1`; of who does the whole task it is that of the evaluation. Since one of many evaluations is good by luck,
+    `table_5_1`; for a learner of the whole task, that of the evaluation. Since one of many evaluations is good by luck,
     it must be reached in two in a row, of which the first counts. Runs that never get there count with all their steps,
     and `reached` says how many do. A learner that the thesis finds no better than the nominal skills, or that the table
     lacks, has no rows.
     """
     rows: list[Row] = []
-    for world, learnt in runs.items():
+    for world, world_runs in runs.items():
         setting = f"world={world}"
         here = table[table["setting"] == setting]
-        known, recovering = set(here["method"]), set(here[here["metric"] == "recovery"]["method"])
+        methods, recovering = set(here["method"]), set(here[here["metric"] == "recovery"]["method"])
         base = here[here["method"] == "nominal"]
-        for learner, own in _by_learner(learnt).items():
-            wanted = thesis.value(TABLE, "rc" if learner == "lazy_rc" else learner, setting, "success")
-            if wanted is None or not len(base) or learner not in known:
+        for learner, own in _by_learner(world_runs).items():
+            success = thesis.value(TABLE, "rc" if learner == "lazy_rc" else learner, setting, "success")
+            if success is None or not len(base) or learner not in methods:
                 continue
             before = float(base["mean"].iloc[0]) if learner in recovering else 0.0
-            needed = (wanted - before) / max(1.0 - before, 1e-9)
-            if needed <= 0.0:
+            target = (success - before) / max(1.0 - before, 1e-9)
+            if target <= 0.0:
                 continue
-            steps = [_first(run.evaluations, needed) for run in own]
-            reached = float(np.mean([found is not None for found in steps]))
-            spent = [
-                float(run.evaluations["control_steps"].iloc[-1]) if found is None else found
-                for run, found in zip(own, steps, strict=True)
+            steps = [_first(run.evaluations, target) for run in own]
+            share = float(np.mean([step is not None for step in steps]))
+            control_steps = [
+                float(run.evaluations["control_steps"].iloc[-1]) if step is None else step
+                for run, step in zip(own, steps, strict=True)
             ]
-            for name, values in (("control_steps", np.array(spent)), ("ratio", np.array(spent) / BUDGET)):
-                found = t_interval(values)
-                low = np.maximum(found.low, 0.0)  # t limits of few and very unequal runs reach below
-                rows.append(interval_row(learner, setting, name, replace(found, low=low)))
-            rows.append(single_row(learner, setting, "reached", reached, len(own)))
+            for name, values in (
+                ("control_steps", np.array(control_steps)),
+                ("ratio", np.array(control_steps) / BUDGET),
+            ):
+                interval = t_interval(values)
+                low = np.maximum(interval.low, 0.0)  # t limits of few and very unequal runs reach below
+                rows.append(interval_row(learner, setting, name, replace(interval, low=low)))
+            rows.append(single_row(learner, setting, "reached", share, len(own)))
     return thesis.beside(table_of(rows), "steps_to_thesis")
 
 
@@ -163,15 +166,15 @@ def _first(evaluations: pd.DataFrame, success: float) -> float | None:
 
 def _at(evaluations: pd.DataFrame, steps: float) -> float:
     """Success of the last evaluation so far."""
-    known = evaluations[evaluations["control_steps"] <= steps]
-    return float(known["success"].iloc[-1])
+    rows = evaluations[evaluations["control_steps"] <= steps]
+    return float(rows["success"].iloc[-1])
 
 
 def _by_learner(runs: Iterable[Learning]) -> dict[str, list[Learning]]:
-    found: dict[str, list[Learning]] = {}
+    by_learner: dict[str, list[Learning]] = {}
     for run in sorted(runs, key=lambda one: one.seed):
-        found.setdefault(run.learner, []).append(run)
-    return found
+        by_learner.setdefault(run.learner, []).append(run)
+    return by_learner
 
 
 def _of(method: str, setting: str, metric: str, rate: Mapping[str, float]) -> Row:

@@ -1,4 +1,4 @@
-"""The failure modes of a world in coordinates that a person can read."""
+"""Figures of a world's failure modes, in features and units that a person can read."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ _UNITS = {"_m": ("cm", 100.0), "_rad": ("°", 180.0 / np.pi), "_n": ("N", 1.0), 
 
 
 def mode_colour(mode: int) -> str:
-    """Of a mode, wherever it is drawn."""
+    """The colour of a mode in every figure."""
     return COLOURS[mode % len(COLOURS)]
 
 
-def spoken_column(column: str) -> tuple[str, float]:
-    """A feature's name with the unit it is drawn in, and the factor from SI to that unit."""
+def column_label(column: str) -> tuple[str, float]:
+    """A feature's name with the unit of its axis, and the factor from SI to that unit."""
     name, index = re.fullmatch(r"(.*?)(?:\[(\d)\])?", column).groups()  # type: ignore[union-attr]
     axis = f" {'xyz'[int(index)]}" if index is not None and int(index) < 3 else f"[{index}]" if index else ""
     for suffix, (unit, factor) in sorted(_UNITS.items(), key=lambda entry: -len(entry[0])):
@@ -40,16 +40,16 @@ def spoken_column(column: str) -> tuple[str, float]:
 
 
 def mode_figure(clustering: Clustering, failures: Failures, table: pd.DataFrame, title: str) -> Figure:
-    """Two scatters of the features that tell the modes apart best, their mean features, and what they consist of.
+    """Two scatters of the features that separate the modes best, their mean features, and their kinds of failure.
 
     Args:
         clustering: of the failures.
         failures: the training failures.
-        table: rows of `failure_tables.mode_table`.
-        title: above all.
+        table: rows of `tables.mode_table`.
+        title: of the figure.
     """
     values = clustering.modes.features(failures.truth)
-    order = telling(values, clustering.mode)
+    order = feature_ranking(values, clustering.mode)
     figure = Figure(figsize=(12.0, 4.6 + 0.34 * len(table)), layout="constrained")
     figure.suptitle(title)
     grid = figure.add_gridspec(2, 2, height_ratios=(4.0, 0.6 + 0.34 * len(table)), width_ratios=(1.0, 1.0))
@@ -60,10 +60,10 @@ def mode_figure(clustering: Clustering, failures: Failures, table: pd.DataFrame,
     return figure
 
 
-def telling(values: Array, mode: IntArray) -> list[int]:
-    """Features [F] by how much of their ranks' variance lies between modes, largest first.
+def feature_ranking(values: Array, mode: IntArray) -> list[int]:
+    """Features [F] by the share of their ranks' variance that lies between modes, largest first.
 
-    Ranks of tenths of a millimetre: a few far members, or none that differ, do not make a feature look telling.
+    Ranks of tenths of a millimetre keep outliers and differences near zero from looking like separation.
     """
     ranks = np.asarray(rankdata(np.round(values, 4), axis=0))
     between = np.zeros(values.shape[1])
@@ -74,25 +74,25 @@ def telling(values: Array, mode: IntArray) -> list[int]:
 
 
 def axes_of(columns: Sequence[str], order: Sequence[int]) -> list[tuple[int, int]]:
-    """Two pairs of features to plot, the most telling first; components of one vector go together.
+    """Two pairs of features to plot, by rank; components of one vector go together.
 
     Args:
         columns: F names.
-        order: features, the most telling first.
+        order: features, as `feature_ranking` orders them.
     """
-    left = list(order)
+    rest = list(order)
     pairs = []
     for _ in range(2):
-        one = left.pop(0) if left else order[0]
-        vector = [place for place in left if columns[place].split("[")[0] == columns[one].split("[")[0]]
-        other = (vector or left or [one])[0]
-        left = [place for place in left if place != other]
+        one = rest.pop(0) if rest else order[0]
+        vector = [place for place in rest if columns[place].split("[")[0] == columns[one].split("[")[0]]
+        other = (vector or rest or [one])[0]
+        rest = [place for place in rest if place != other]
         pairs.append((min(one, other), max(one, other)))
     return pairs
 
 
 def _scatter(axes: Axes, clustering: Clustering, values: Array, pair: tuple[int, int]) -> None:
-    labels, factors = zip(*(spoken_column(clustering.modes.columns[place]) for place in pair), strict=True)
+    labels, factors = zip(*(column_label(clustering.modes.columns[place]) for place in pair), strict=True)
     for mode, size in enumerate(clustering.modes.sizes.tolist()):
         mine = values[clustering.mode == mode][:, pair] * factors
         marker = MARKERS[(mode // len(COLOURS) + mode) % len(MARKERS)]
@@ -106,15 +106,15 @@ def _scatter(axes: Axes, clustering: Clustering, values: Array, pair: tuple[int,
 def _means(axes: Axes, clustering: Clustering, table: pd.DataFrame) -> None:
     """Mean features: colour in standard deviations from the mean of all failures, number in units."""
     modes = clustering.modes
-    named = [spoken_column(column) for column in modes.columns]
+    labels, factors = zip(*(column_label(column) for column in modes.columns), strict=True)
     means = table[[f"mean:{column}" for column in modes.columns]].to_numpy(dtype=float)
     away = (means - modes.centre) / modes.spread
     axes.imshow(away, cmap="RdBu_r", vmin=-2.5, vmax=2.5, aspect="auto")
     for row, column in np.ndindex(*means.shape):
-        shown = f"{means[row, column] * named[column][1] + 0.0:.1f}".replace("-0.0", "0.0")
+        text = f"{means[row, column] * factors[column] + 0.0:.1f}".replace("-0.0", "0.0")
         colour = "white" if abs(away[row, column]) > 1.5 else "black"
-        axes.text(column, row, shown, ha="center", va="center", fontsize=8, color=colour)
-    axes.set_xticks(range(len(named)), [label for label, _ in named], rotation=25, ha="right", fontsize=8)
+        axes.text(column, row, text, ha="center", va="center", fontsize=8, color=colour)
+    axes.set_xticks(range(len(labels)), labels, rotation=25, ha="right", fontsize=8)
     axes.set_yticks(range(len(table)), [f"mode {mode}" for mode in table["mode"]], fontsize=8)
     axes.set_title("mean of each mode (colour: standard deviations from all failures)", fontsize=9)
     axes.tick_params(length=0)
@@ -122,20 +122,20 @@ def _means(axes: Axes, clustering: Clustering, table: pd.DataFrame) -> None:
 
 
 def _kinds(axes: Axes, failures: Failures, table: pd.DataFrame) -> None:
-    """What each mode consists of: kinds as parts of bars, the options that failed beside them."""
-    left = np.zeros(len(table))
+    """The failures of each mode: kinds as parts of bars, the options that failed beside them."""
+    offset = np.zeros(len(table))
     rows = np.arange(len(table))
     kinds = [kind for kind in failures.origin.kinds if table[f"kind:{kind}"].sum() > 0]
     for place, kind in enumerate(kinds):
         counts = (table[f"kind:{kind}"] * table["size"]).to_numpy(dtype=float)
         colour = _KIND_COLOURS[place % len(_KIND_COLOURS)]
-        axes.barh(rows, counts, left=left, color=colour, label=kind.replace("_", " "), height=0.7)
-        left += counts
+        axes.barh(rows, counts, left=offset, color=colour, label=kind.replace("_", " "), height=0.7)
+        offset += counts
     for row, record in enumerate(table.to_dict("records")):
         shares = {option: record[f"option:{option}"] for option in failures.origin.options}
-        told = ", ".join(f"{share:.0%} {name.replace('_', ' ')}" for name, share in shares.items() if share >= 0.005)
-        axes.annotate(told, (left[row], row), xytext=(5, 0), textcoords="offset points", va="center", fontsize=7.5)
-    axes.set_xlim(0.0, 1.9 * float(left.max()))
+        text = ", ".join(f"{share:.0%} {name.replace('_', ' ')}" for name, share in shares.items() if share >= 0.005)
+        axes.annotate(text, (offset[row], row), xytext=(5, 0), textcoords="offset points", va="center", fontsize=7.5)
+    axes.set_xlim(0.0, 1.9 * float(offset.max()))
     axes.set_ylim(len(table) - 0.4, -0.6)
     axes.set_yticks(rows, [f"mode {mode}" for mode in table["mode"]], fontsize=8)
     axes.set(xlabel="training failures; the option that failed is written beside the bar")

@@ -1,4 +1,4 @@
-"""What discovery and clustering found, as small tables."""
+"""Summaries of discovery and clustering, and the table of failure modes."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from p2l.evaluation.statistics import wilson_interval
-from p2l.failures.discovery import Found
+from p2l.failures.discovery import Discovery
 from p2l.failures.record import SPLITS, Failures
 from p2l.records import IntArray
 
@@ -18,9 +18,9 @@ if TYPE_CHECKING:  # who discovers does not load scikit-learn
     from p2l.failures.clustering import Clustering
 
 
-def found_summary(found: Found) -> dict[str, Any]:
-    """A split of discovery in plain numbers; diverged episodes are counted and left out of all others."""
-    execution, failures = found.execution, found.failures
+def split_summary(discovery: Discovery) -> dict[str, Any]:
+    """Counts and rates of one split of discovery; diverged episodes are counted, and left out of all other numbers."""
+    execution, failures = discovery.execution, discovery.failures
     sound = ~execution.diverged
     trials, successes = int(sound.sum()), int(execution.success.sum())
     failing = np.zeros(len(execution), dtype=np.bool_)
@@ -45,7 +45,7 @@ def first_kind(failures: Failures) -> dict[str, int]:
     return dict(Counter(np.array(failures.kind_names())[order[first]].tolist()).most_common())
 
 
-def found_metrics(summary: Mapping[str, Any]) -> dict[str, float]:
+def discovery_metrics(summary: Mapping[str, Any]) -> dict[str, float]:
     """Headline numbers of `discover`'s summary, for the tracker."""
     numbers: dict[str, float] = {}
     for split in SPLITS:
@@ -53,8 +53,8 @@ def found_metrics(summary: Mapping[str, Any]) -> dict[str, float]:
         numbers |= {f"{split}/{key}": part[key] for key in ("failures", "failing_episodes", "diverged")}
         if part["success"]["mean"] is not None:
             numbers[f"{split}/success"] = part["success"]["mean"]
-        for option, told in part["by_option"].items():
-            numbers |= {f"{split}/{option}/{kind}": share for kind, share in told["share"].items()}
+        for option, row in part["by_option"].items():
+            numbers |= {f"{split}/{option}/{kind}": share for kind, share in row["share"].items()}
     return numbers
 
 
@@ -107,7 +107,7 @@ def mode_table(clustering: Clustering, train: Failures, held_out_mode: IntArray,
 
 
 def cluster_summary(clustering: Clustering, train: Failures, held_out: Failures, table: pd.DataFrame) -> dict[str, Any]:
-    """The modes in plain facts; `table` is that of `mode_table`."""
+    """Counts of executions and failures, BIC by number of modes, and the modes; `table` is that of `mode_table`."""
     return {
         "strategy": train.origin.strategy,
         "executions": train.origin.executions,

@@ -1,6 +1,6 @@
 """The data of figures 4.6 and 4.7 as long tables, and the figures, drawn from those tables alone.
 
-Columns are those of `tables.COLUMNS`; rows with `seed=…` in their setting are single seeds, the others the mean over
+Columns are those of `evaluation.rows`; rows with `seed=…` in their setting are single seeds, the others the mean over
 seeds with 95 % t limits. `value` is the value of failures (equation 4.2), in units of the skill graph's rewards.
 """
 
@@ -31,25 +31,24 @@ def figure_4_7(values: pd.DataFrame, chooser: str, thesis: Thesis) -> pd.DataFra
 
     Args:
         values: `seed, chooser, queries, value`.
-        chooser: the one that is compared with the others.
+        chooser: whose values are compared with every other's.
         thesis: chapter 4.
     """
     rows = _values(values)
-    compared = comparison_table(values, chooser)
-    for other, part in compared.groupby("other", sort=False):
+    comparison = comparison_table(values, chooser)
+    for other, part in comparison.groupby("other", sort=False):
         setting = f"over={other}"
         gains = (part["final"] - part["final_other"]).to_numpy(dtype=float)
-        share = part["share"].to_numpy(dtype=float)
-        told = zip(part["seed"], gains, share, strict=True)
-        for seed, gain, spent in told:
+        shares = part["share"].to_numpy(dtype=float)
+        for seed, gain, share in zip(part["seed"], gains, shares, strict=True):
             rows.append(single_row(chooser, f"seed={seed};{setting}", "final_gain", gain))
-            rows.append(single_row(chooser, f"seed={seed};{setting}", "budget_share", spent))
+            rows.append(single_row(chooser, f"seed={seed};{setting}", "budget_share", share))
         rows.append(interval_row(chooser, setting, "final_gain", t_interval(gains)))
-        reached = np.isfinite(share)
-        if reached.any():
-            rows.append(interval_row(chooser, setting, "budget_share", t_interval(share[reached])))
-        early = reached & (np.nan_to_num(share, nan=1.0) <= 0.7)
-        for name, hits in (("better", gains > 0.0), ("reached", reached), ("within_70_percent", early)):
+        parity = np.isfinite(shares)
+        if parity.any():
+            rows.append(interval_row(chooser, setting, "budget_share", t_interval(shares[parity])))
+        early = parity & (np.nan_to_num(shares, nan=1.0) <= 0.7)
+        for name, hits in (("better", gains > 0.0), ("reached", parity), ("within_70_percent", early)):
             rows.append(rate_row(chooser, setting, name, int(hits.sum()), len(hits)))
     return thesis.beside(table_of(rows), FIGURE_4_7)
 
@@ -63,10 +62,10 @@ def figure_4_6(values: pd.DataFrame, allocation: pd.DataFrame, choosers: Sequenc
         choosers: whose allocation is shown; without round-robin the first one's values are.
         thesis: chapter 4.
     """
-    shown = STEADY if STEADY in set(values["chooser"]) else choosers[0]
-    rows = _values(values[values["chooser"] == shown])
-    kept = allocation[allocation["chooser"].isin(choosers)]
-    for (chooser, mode, target), part in kept.groupby(["chooser", "mode", "target"], sort=False):
+    steady = STEADY if STEADY in set(values["chooser"]) else choosers[0]
+    rows = _values(values[values["chooser"] == steady])
+    selection = allocation[allocation["chooser"].isin(choosers)]
+    for (chooser, mode, target), part in selection.groupby(["chooser", "mode", "target"], sort=False):
         setting = f"mode={mode};target={target}"
         for metric in ("trained", "q"):
             numbers = part[metric].to_numpy(dtype=float)
@@ -82,10 +81,10 @@ def draw_4_7(table: pd.DataFrame, title: str) -> Figure:
 
 
 def draw_4_6(table: pd.DataFrame, title: str) -> Figure:
-    """Figure 4.6 from its table: round-robin saturates, and who got the budget."""
+    """Figure 4.6 from its table: round-robin's value over queries, and the rounds of each recovery by chooser."""
     parts = table["setting"].str.extract(r"^seed=(?P<seed>\d+);mode=(?P<mode>\d+);target=(?P<target>[^;]+)$")
-    kept = parts["seed"].notna() & (table["metric"] == "trained")
-    allocation = parts[kept].assign(chooser=table["method"][kept], trained=table["mean"][kept])
+    mask = parts["seed"].notna() & (table["metric"] == "trained")
+    allocation = parts[mask].assign(chooser=table["method"][mask], trained=table["mean"][mask])
     choosers = list(dict.fromkeys(allocation["chooser"]))
     return allocation_figure(_curves(table), allocation, choosers, title)
 
@@ -105,5 +104,5 @@ def _values(values: pd.DataFrame) -> list[Row]:
 
 def _curves(table: pd.DataFrame) -> pd.DataFrame:
     parts = table["setting"].str.extract(r"^seed=(?P<seed>\d+);queries=(?P<queries>\d+)$")
-    kept = parts["seed"].notna() & (table["metric"] == "value")
-    return parts[kept].astype(int).assign(chooser=table["method"][kept], value=table["mean"][kept])
+    mask = parts["seed"].notna() & (table["metric"] == "value")
+    return parts[mask].astype(int).assign(chooser=table["method"][mask], value=table["mean"][mask])

@@ -1,4 +1,4 @@
-"""Figures 4.6 and 4.7, and the skill graph after training, drawn from the tables of `recovery_rounds`."""
+"""Figures 4.6 and 4.7, and the skill graph after training, drawn from the tables of `rounds`."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ Place = tuple[float, float]
 
 def look(chooser: str) -> tuple[str, str, float]:
     """Label, colour and line width of a chooser."""
-    return CHOOSERS.get(chooser, (spaced(chooser), *OTHER))
+    return CHOOSERS.get(chooser, (name_label(chooser), *OTHER))
 
 
 def value_figure(values: pd.DataFrame, title: str) -> Figure:
@@ -48,7 +48,7 @@ def allocation_figure(values: pd.DataFrame, allocation: pd.DataFrame, choosers: 
     _curves(left, values, [steady])
     left.set(xlabel="REPS queries", ylabel="value of failures, in rewards")
     pairs = allocation[["mode", "target"]].drop_duplicates().itertuples(index=False)
-    names = [f"{mode} → {spaced(str(target))}" for mode, target in pairs]
+    names = [f"{mode} → {name_label(str(target))}" for mode, target in pairs]
     width = 0.8 / len(choosers)
     for number, chooser in enumerate(choosers):
         mine = allocation[allocation["chooser"] == chooser]
@@ -65,12 +65,12 @@ def allocation_figure(values: pd.DataFrame, allocation: pd.DataFrame, choosers: 
     return figure
 
 
-def graph_figure(graph: SkillGraph, trained: IntArray, targets: Sequence[str], title: str) -> Figure:
+def graph_figure(graph: SkillGraph, trainings: IntArray, targets: Sequence[str], title: str) -> Figure:
     """The skill graph: success rates on the edges; a recovery's edge is as thick as it was trained often.
 
     Args:
         graph: after training.
-        trained: [I, M] trainings of each recovery.
+        trainings: [I, M] rounds of training of each recovery.
         targets: M names of preconditions, the goal last.
         title: of the figure.
     """
@@ -80,17 +80,17 @@ def graph_figure(graph: SkillGraph, trained: IntArray, targets: Sequence[str], t
     above = [(float(x), 1.0) for x in np.linspace(0.0, 1.0, len(targets))]
     below = [((mode + 0.5) / modes, 0.0) for mode in range(modes)]
     heights = np.linspace(0.28, 0.72, len(targets))  # one for each target, so that labels of a mode keep apart
-    most = max(int(trained.max()), 1)
-    for (mode, target), count in sorted(np.ndenumerate(trained), key=lambda pair: graph.q[pair[0]]):
+    most = max(int(trainings.max()), 1)
+    for (mode, target), count in sorted(np.ndenumerate(trainings), key=lambda pair: graph.q[pair[0]]):
         q, width = float(graph.q[mode, target]), 0.5 + 4.0 * int(count) / most
         if count:
             colour = "#0072B2" if q > 0.0 else "0.85"
-            told = f"{q:.2f}" if q > 0.0 else ""
-            _edge(axes, below[mode], above[target], told, float(heights[target]), colour, width)
+            label = f"{q:.2f}" if q > 0.0 else ""
+            _edge(axes, below[mode], above[target], label, float(heights[target]), colour, width)
     for number, q in enumerate(graph.nominal.tolist()):
         _edge(axes, above[number], above[number + 1], f"{q:.2f}", 0.5, "0.3", 2.0)
     for place, name in zip(above, targets, strict=True):
-        _node(axes, place, spaced(name), "#D8E6F2")
+        _node(axes, place, name_label(name), "#D8E6F2")
     for place, (mode, share) in zip(below, enumerate(graph.share), strict=True):
         _node(axes, place, f"mode {mode}\n{share:.0%}", "#F5D08A")
     axes.set(xlim=(-0.1, 1.1), ylim=(-0.12, 1.12), title=f"{title}\n{GRAPH}")
@@ -99,23 +99,23 @@ def graph_figure(graph: SkillGraph, trained: IntArray, targets: Sequence[str], t
     return figure
 
 
-def spaced(name: str) -> str:
-    """A name as it is read."""
+def name_label(name: str) -> str:
+    """A name as figures write it, without underscores."""
     return name.replace("_", " ")
 
 
-def _edge(axes: Axes, start: Place, end: Place, told: str, along: float, colour: str, width: float) -> None:
+def _edge(axes: Axes, start: Place, end: Place, label: str, along: float, colour: str, width: float) -> None:
     arrow = {"arrowstyle": "-|>", "color": colour, "lw": width, "shrinkA": 18, "shrinkB": 18, "mutation_scale": 14}
     axes.annotate("", xy=end, xytext=start, arrowprops=arrow)
-    if told:
+    if label:
         x, y = ((1.0 - along) * a + along * b for a, b in zip(start, end, strict=True))
         box = {"boxstyle": "square,pad=0.15", "fc": "white", "ec": "none"}
-        axes.text(x, y, told, color=colour, fontsize=8, ha="center", va="center", bbox=box)
+        axes.text(x, y, label, color=colour, fontsize=8, ha="center", va="center", bbox=box)
 
 
-def _node(axes: Axes, place: Place, told: str, colour: str) -> None:
+def _node(axes: Axes, place: Place, label: str, colour: str) -> None:
     box = {"boxstyle": "round,pad=0.6", "fc": colour, "ec": "0.4"}
-    axes.text(*place, told, fontsize=9, ha="center", va="center", bbox=box, zorder=5)
+    axes.text(*place, label, fontsize=9, ha="center", va="center", bbox=box, zorder=5)
 
 
 def _curves(axes: Axes, values: pd.DataFrame, choosers: Sequence[str]) -> None:

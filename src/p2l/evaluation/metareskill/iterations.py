@@ -18,15 +18,15 @@ def success_table(rows: pd.DataFrame) -> pd.DataFrame:
 
     Args:
         rows: those of each round and seed up to `successes`. Round 0 has no recoveries; `found` are the new failures
-            that a round learns from. Rounds that all seeds reached get a row of `seed` "all", where they are pooled.
+            that a round learns from. Rounds of all seeds get an aggregate row too, whose `seed` is "all".
     """
     seeds = rows["seed"].nunique()
     groups = [(number, group) for number, group in rows.groupby("round") if len(group) == seeds]
-    pooled = [
+    aggregates = [
         {"round": number, "seed": ALL, "queries": group["queries"].max()} | group[_SUMS].sum().to_dict()
         for number, group in groups
     ]
-    table = pd.concat([rows.astype({"seed": str, "modes": "Int64"}), pd.DataFrame(pooled)], ignore_index=True)
+    table = pd.concat([rows.astype({"seed": str, "modes": "Int64"}), pd.DataFrame(aggregates)], ignore_index=True)
     low, high = wilson_interval(table["successes"], table["episodes"])
     return table.assign(success=table["successes"] / table["episodes"], low=low, high=high)
 
@@ -37,9 +37,9 @@ def success_figure(table: pd.DataFrame, title: str) -> Figure:
     axes = figure.add_subplot()
     for _, mine in table[table["seed"] != ALL].groupby("seed"):
         axes.plot(mine["round"], mine["success"], color="0.75", lw=1.0)
-    pooled = table[table["seed"] == ALL]
-    bars = [pooled["success"] - pooled["low"], pooled["high"] - pooled["success"]]
-    axes.errorbar(pooled["round"], pooled["success"], bars, color="#0072B2", marker="o", capsize=4.0, lw=2.0)
+    aggregates = table[table["seed"] == ALL]
+    bars = [aggregates["success"] - aggregates["low"], aggregates["high"] - aggregates["success"]]
+    axes.errorbar(aggregates["round"], aggregates["success"], bars, color="#0072B2", marker="o", capsize=4.0, lw=2.0)
     axes.set(xlabel="failure round (0: no recoveries)", ylabel="success on development starts", title=title)
     axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.yaxis.set_major_formatter(PercentFormatter(1.0))

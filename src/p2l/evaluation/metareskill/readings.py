@@ -1,4 +1,4 @@
-"""What our data say of the claims of chapter 4, computed."""
+"""Readings: the claims of chapter 4 beside what our results give for each."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ Claims = Mapping[tuple[str, str], str]
 
 def read_preconditions(claim: str, cell: Mapping[Any, Mapping[Any, Any]], samples: int) -> Reading:
     """How many samples, and the accuracy of each skill's precondition."""
-    told = [
+    accuracies = [
         f"{skill.replace('_', ' ')} {row['value']:.2f} [{row['low']:.2f}, {row['high']:.2f}]"
         for (skill, metric), row in cell.items()
         if metric == "accuracy"
     ]
-    return Reading(claim, f"{samples} samples; accuracy on those held out: {', '.join(told)}.")
+    return Reading(claim, f"{samples} samples; accuracy on those held out: {', '.join(accuracies)}.")
 
 
 def read_saturation(claims: Claims, values: pd.DataFrame) -> list[Reading]:
@@ -29,11 +29,11 @@ def read_saturation(claims: Claims, values: pd.DataFrame) -> list[Reading]:
     mine = values[values["chooser"] == "round_robin"].groupby("queries")["value"].mean().to_numpy()
     if len(mine) < 2:
         return []
-    gained = mine - mine[0]
-    if gained[-1] <= 0.0:
+    gains = mine - mine[0]
+    if gains[-1] <= 0.0:
         text, agrees = "Round-robin improves nothing within the budget.", _grade(False, False)
     else:
-        share = float(np.argmax(gained >= 0.9 * gained[-1])) / (len(mine) - 1)
+        share = float(np.argmax(gains >= 0.9 * gains[-1])) / (len(mine) - 1)
         text, agrees = f"Round-robin has 90 % of what it gains after {share:.0%} of the budget.", _grade(*_early(share))
     return [Reading(claims["figure_4_6", "saturates"], text, agrees)]
 
@@ -59,16 +59,15 @@ def read_allocation(claims: Claims, allocation: pd.DataFrame) -> list[Reading]:
 
 
 def read_predictions(rounds: pd.DataFrame) -> Reading:
-    """What the chooser predicted of its rounds beside what they brought."""
-    gains = rounds.assign(before=rounds.groupby("seed")["value"].shift())
-    decided = gains[gains["predicted"].notna() & gains["before"].notna()]
-    if decided.empty:
+    """The gain in value that the chooser's upper limits predict per round beside the gain that was measured."""
+    values = rounds.assign(before=rounds.groupby("seed")["value"].shift())
+    choices = values[values["predicted"].notna() & values["before"].notna()]
+    if choices.empty:
         return Reading("", "No round was decided by an upper limit: the budget is that of the initial rounds.")
-    promised, brought = ((decided[name] - decided["before"]).mean() for name in ("predicted", "value"))
-    solved = f"{decided['solved'].mean():.0%} of their queries are solved"
+    prediction, gain = ((choices[name] - choices["before"]).mean() for name in ("predicted", "value"))
     text = (
-        f"In {len(decided)} rounds after the initial ones the upper limits promise {promised:+.3f} each on average and "
-        f"bring {brought:+.3f}; {solved}."
+        f"In {len(choices)} rounds after the initial ones the upper limits promise {prediction:+.3f} each on average "
+        f"and bring {gain:+.3f}; {choices['solved'].mean():.0%} of their queries are solved."
     )
     return Reading("", text)
 

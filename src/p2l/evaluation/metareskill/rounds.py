@@ -1,4 +1,4 @@
-"""What was trained, round by round, and how choosers compare: the numbers behind figures 4.6 and 4.7.
+"""Tables of the rounds of training and of how choosers compare: the numbers behind figures 4.6 and 4.7.
 
 Axis letters: I modes, M targets, T rounds.
 """
@@ -41,7 +41,7 @@ def allocation_table(histories: Histories, targets: Sequence[str]) -> pd.DataFra
     rows = [
         (seed, chooser, mode, targets[target], int(count), float(history.best[mode, target]))
         for (seed, chooser), history in histories.items()
-        for (mode, target), count in np.ndenumerate(history.trained)
+        for (mode, target), count in np.ndenumerate(history.counts)
     ]
     return pd.DataFrame(rows, columns=["seed", "chooser", "mode", "target", "trained", "q"])
 
@@ -60,7 +60,7 @@ def comparison_table(values: pd.DataFrame, chooser: str) -> pd.DataFrame:
         if other == chooser or (chooser, seed) not in curves:
             continue
         mine = curves[chooser, seed]
-        reached = np.flatnonzero(mine >= theirs.max() - 1e-9)
-        share = reached[0] / (len(mine) - 1) if len(reached) else np.nan
+        parity = np.flatnonzero(mine >= theirs.max() - 1e-9)
+        share = parity[0] / (len(mine) - 1) if len(parity) else np.nan
         rows.append((other, seed, mine[-1], theirs[-1], bool(mine[-1] > theirs[-1]), share))
     return pd.DataFrame(rows, columns=columns).sort_values(["other", "seed"], ignore_index=True)

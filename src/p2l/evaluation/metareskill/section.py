@@ -1,4 +1,4 @@
-"""Chapter 4: where skills may start, which recoveries were learnt and why, and what they are worth."""
+"""Sections of chapter 4: preconditions of the nominal skills, and the training of recoveries round by round."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from p2l.evaluation.page.views import estimate, stage_commands
 from p2l.evaluation.rows import table_of
 
 CHAPTER = 4
-SHOWN_ROUNDS = 40
+ROUNDS_ON_PAGE = 40
 SCORES = ("accuracy", "precision", "recall", "solved_where_it_holds")
 ROUND_METRICS = ("q_before", "q_upper", "q", "predicted", "value")
 CURVE = (
@@ -52,12 +52,12 @@ def preconditions(sources: Sources) -> Section:
         parts += [
             readings.read_preconditions(thesis.claims["preconditions", "samples"], cell, int(samples.sum()) + held_out),
             Picture(
-                _named("preconditions", sources, world),
+                _report_name("preconditions", sources, world),
                 sources.image("fit_preconditions", world, "preconditions.png"),
                 CURVE,
             ),
             Sheet(
-                _named("preconditions", sources, world),
+                _report_name("preconditions", sources, world),
                 table,
                 ["skill", "accuracy", "precision", "recall", "chain solves where it holds"],
                 rows,
@@ -71,7 +71,7 @@ def preconditions(sources: Sources) -> Section:
 
 
 def learning(sources: Sources) -> Section:
-    """What the chooser whose skills are kept trained in each round, and why; its skill graph."""
+    """The rounds of the first chooser, whose skills are used, with the reason for each; its skill graph and videos."""
     title = "What was trained, round by round, and why (section 4.3.2, algorithm 3)"
     if not sources.recovery_worlds:
         return _missing(title)
@@ -88,7 +88,7 @@ def learning(sources: Sources) -> Section:
             *readings.read_saturation(claims, values),
             *readings.read_allocation(claims, counts),
             readings.read_predictions(mine),
-            Picture(_named("skill_graph", sources, world), graph, f"{world}: {GRAPH}"),
+            Picture(_report_name("skill_graph", sources, world), graph, f"{world}: {GRAPH}"),
             _films(sources, world),
             _rounds(sources, world, mine),
         ]
@@ -99,7 +99,7 @@ def learning(sources: Sources) -> Section:
 
 
 def _rounds(sources: Sources, world: str, mine: pd.DataFrame) -> Sheet:
-    """All rounds of one chooser as a table; the page shows those that it decided, of the first seed."""
+    """All rounds of one chooser as a table; on the page those after the initial ones, of the first seed."""
     where = [f"seed={r.seed};round={r.round};mode={r.mode};target={r.target_name}" for r in mine.itertuples()]
     long = pd.concat(
         [
@@ -107,7 +107,7 @@ def _rounds(sources: Sources, world: str, mine: pd.DataFrame) -> Sheet:
             for metric in ROUND_METRICS
         ]
     ).assign(low=math.nan, high=math.nan, n=1)
-    shown = mine[(mine["seed"] == mine["seed"].iloc[0]) & (mine["reason"] != "initial round")].head(SHOWN_ROUNDS)
+    excerpt = mine[(mine["seed"] == mine["seed"].iloc[0]) & (mine["reason"] != "initial round")].head(ROUNDS_ON_PAGE)
     rows = [
         [
             str(row["round"]),
@@ -116,30 +116,31 @@ def _rounds(sources: Sources, world: str, mine: pd.DataFrame) -> Sheet:
             *(_number(row[metric]) for metric in ROUND_METRICS),
             "yes" if row["solved"] else "no",
         ]
-        for row in shown.to_dict("records")
+        for row in excerpt.to_dict("records")
     ]
     head = ["round", "recovery", "why", "q before", "limit", "q", "predicted", "realised", "query solved"]
     caption = (
         f"{world}, {_plain(mine['chooser'].iloc[0])}, first seed: {len(rows)} rounds after the initial ones. {ROUNDS}"
     )
-    return Sheet(_named("recovery_rounds", sources, world), table_of(long).assign(thesis=math.nan), head, rows, caption)
+    name = _report_name("recovery_rounds", sources, world)
+    return Sheet(name, table_of(long).assign(thesis=math.nan), head, rows, caption)
 
 
 def _films(sources: Sources, world: str) -> Part:
-    """Each mode before and after learning, or why there is no video."""
-    films, skipped = sources.videos(world, "learn_recoveries")
-    if skipped:
-        return f"{world}: {skipped}"
-    shown = []
-    for one, mp4 in films:
-        name, told = f"Mode {one['mode']}, {one['moment']} learning", _plain(one["told"])
+    """Each mode before and after learning, or the reason why there is no video."""
+    videos, reason = sources.videos(world, "learn_recoveries")
+    if reason:
+        return f"{world}: {reason}"
+    films = []
+    for one, mp4 in videos:
+        name, content = f"Mode {one['mode']}, {one['moment']} learning", _plain(one["told"])
         end = "" if one["moment"] == "before" else "; solved" if one["solved"] else "; not solved"
-        shown.append((f"{world} mode {one['mode']} {one['moment']}", mp4, f"{name}: {told}{end}"))
-    return Films(shown)
+        films.append((f"{world} mode {one['mode']} {one['moment']}", mp4, f"{name}: {content}{end}"))
+    return Films(films)
 
 
-def _named(name: str, sources: Sources, world: str) -> str:
-    """The first world's tables and figures have the thesis's names."""
+def _report_name(name: str, sources: Sources, world: str) -> str:
+    """The name of a world's table or figure: the thesis's own for the first world, with the world's for others."""
     return name if world == sources.recovery_worlds[0] else f"{name}_{world}"
 
 

@@ -3,12 +3,12 @@
 Columns are those of `evaluation.rows`.
 
 - `success`: rate, Wilson limits over episodes.
-- `success_by_seed`: mean of the seeds' rates, t limits, which also hold what differs between runs of learning.
+- `success_by_seed`: mean of the seeds' rates, t limits, which cover the variation between runs of learning, too.
 - `gain`: success minus that of the method `over`, on the same start rows; the bootstrap resamples seeds and within
   them episodes.
-- `path_m`: way of the end effector, m, t limits over episodes; `path_m_success` of the successful episodes alone, and
-  `path_m_success_sd` its standard deviation. The thesis's "cost (m)" is read as the latter two: without recovery a
-  third of its episodes ends early, and yet their cost is that of open loop, ± 0.02 m.
+- `path_m`: path length of the end effector, m, t limits over episodes; `path_m_success` of the successful episodes
+  alone, and `path_m_success_sd` its standard deviation. The thesis's "cost (m)" is read as the latter two: without
+  recovery a third of its episodes ends early, and yet their cost is that of open loop, ± 0.02 m.
 - `options`: skills executed in an episode; `recovered`: share of episodes with a skill that is none of the nominal.
 - `diverged`: share of episodes whose simulation broke down. They are left out of everything else, and of a gain if
   either of the two did.
@@ -21,10 +21,10 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from p2l.evaluation.rows import Row, interval_row, joined, rate_row, single_row, table_of
+from p2l.evaluation.rows import Row, interval_row, rate_row, setting_of, single_row, table_of
 from p2l.evaluation.statistics import Interval, resample_weights, t_interval
 from p2l.evaluation.thesis import Thesis
-from p2l.metareskill.strategy_names import LEARNT, OPEN_LOOP
+from p2l.metareskill.strategy_names import OPEN_LOOP, RECOVERIES
 from p2l.records import BoolArray
 
 TABLE_4_1, TABLE_4_2 = "table_4_1", "table_4_2"
@@ -33,7 +33,7 @@ RESAMPLES = 2000
 
 
 def table_4_1(episodes: pd.DataFrame, thesis: Thesis, rng: np.random.Generator) -> pd.DataFrame:
-    """Strategies under an estimator that improves; what learnt recoveries gain over each of the others.
+    """Strategies under an estimator that improves, and the gain of learnt recoveries over each of the others.
 
     Args:
         episodes: of `p2l.metareskill.episodes`, of one place.
@@ -44,14 +44,14 @@ def table_4_1(episodes: pd.DataFrame, thesis: Thesis, rng: np.random.Generator) 
     for method, part in episodes.groupby("method", sort=False):
         rows += _rows(str(method), "", part)
     for other in dict.fromkeys(episodes["method"]):
-        if other != LEARNT and LEARNT in set(episodes["method"]):
+        if other != RECOVERIES and RECOVERIES in set(episodes["method"]):
             rows += _gains(episodes, str(other), "", rng)
     table = thesis.beside(table_of(rows), TABLE_4_1)
     return _with_gains(table, thesis, TABLE_4_1)
 
 
 def table_4_2(episodes: pd.DataFrame, unseen: Sequence[str], thesis: Thesis, rng: np.random.Generator) -> pd.DataFrame:
-    """Open loop and learnt recoveries on every door, and what they gain; the mean gain over doors never trained on.
+    """Open loop and learnt recoveries on every door with their gain, and the mean gain over doors not trained on.
 
     Args:
         episodes: of `p2l.metareskill.episodes`; a door each setting.
@@ -64,9 +64,9 @@ def table_4_2(episodes: pd.DataFrame, unseen: Sequence[str], thesis: Thesis, rng
         for method, own in part.groupby("method", sort=False):
             rows += _rows(str(method), str(setting), own)
         rows += _gains(part, OPEN_LOOP, str(setting), rng)
-    kept = episodes[episodes["setting"].isin(unseen)]
-    if len(kept):
-        rows += _gains(kept, OPEN_LOOP, f"handle={UNSEEN}", rng)
+    selection = episodes[episodes["setting"].isin(unseen)]
+    if len(selection):
+        rows += _gains(selection, OPEN_LOOP, f"handle={UNSEEN}", rng)
     return _with_gains(thesis.beside(table_of(rows), TABLE_4_2), thesis, TABLE_4_2)
 
 
@@ -83,17 +83,17 @@ def paired_gain(success: pd.DataFrame, rng: np.random.Generator, resamples: int 
     groups = [away[seeds == seed] for seed in np.unique(seeds)]
     sizes = np.array([len(group) for group in groups], dtype=float)
     sums = np.stack([resample_weights(len(group), resamples, rng) @ group for group in groups], axis=1)
-    drawn = resample_weights(len(groups), resamples, rng)
-    means = (drawn * sums).sum(axis=1) / (drawn * sizes).sum(axis=1)
+    weights = resample_weights(len(groups), resamples, rng)
+    means = (weights * sums).sum(axis=1) / (weights * sizes).sum(axis=1)
     low, high = np.quantile(means, [0.025, 0.975])
     return Interval(np.asarray(away.mean()), np.asarray(low), np.asarray(high), len(away))
 
 
 def _rows(method: str, setting: str, part: pd.DataFrame) -> list[Row]:
-    """Each seed's rows, then the pooled ones."""
+    """Each seed's rows, then those over all seeds."""
     rows: list[Row] = []
     for seed, own in part.groupby("seed", sort=True):
-        rows += _measures(method, joined(f"seed={seed}", setting), own)
+        rows += _measures(method, setting_of(f"seed={seed}", setting), own)
     rows += _measures(method, setting, part)
     sound = part[~part["diverged"]]
     rates = sound.groupby("seed")["success"].mean().to_numpy(dtype=float)
@@ -120,35 +120,35 @@ def _measures(method: str, setting: str, part: pd.DataFrame) -> list[Row]:
 
 
 def _gains(episodes: pd.DataFrame, other: str, setting: str, rng: np.random.Generator) -> list[Row]:
-    """What `LEARNT` gains over `other`: by seed, then pooled."""
+    """The gain of `RECOVERIES` over `other`: by seed, then over all seeds."""
     keys = ["seed", "place", "episode"]
     sound = episodes[~episodes["diverged"]].set_index(keys)
-    ours, theirs = (sound[sound["method"] == name]["success"] for name in (LEARNT, other))
-    paired = pd.concat({"ours": ours, "theirs": theirs}, axis=1, join="inner").reset_index()
-    told = joined(f"over={other}", setting)
-    if not len(paired):
+    ours, theirs = (sound[sound["method"] == name]["success"] for name in (RECOVERIES, other))
+    pairs = pd.concat({"ours": ours, "theirs": theirs}, axis=1, join="inner").reset_index()
+    over = setting_of(f"over={other}", setting)
+    if not len(pairs):
         return []
     rows = [
-        interval_row(LEARNT, joined(f"seed={seed}", told), "gain", paired_gain(own, rng))
-        for seed, own in paired.groupby("seed", sort=True)
+        interval_row(RECOVERIES, setting_of(f"seed={seed}", over), "gain", paired_gain(own, rng))
+        for seed, own in pairs.groupby("seed", sort=True)
     ]
-    return [*rows, interval_row(LEARNT, told, "gain", paired_gain(paired, rng))]
+    return [*rows, interval_row(RECOVERIES, over, "gain", paired_gain(pairs, rng))]
 
 
 def _with_gains(table: pd.DataFrame, thesis: Thesis, item: str) -> pd.DataFrame:
     """The thesis's gains, where it gives both success rates."""
-    known = table["thesis"].to_list()
+    references = table["thesis"].to_list()
     for place, row in enumerate(table.to_dict("records")):
         parts = str(row["setting"]).split(";")
         if row["metric"] != "gain" or not parts[0].startswith("over="):
             continue
         rates = [
             thesis.value(item, method, ";".join(parts[1:]), "success")
-            for method in (LEARNT, parts[0].partition("=")[2])
+            for method in (RECOVERIES, parts[0].partition("=")[2])
         ]
         if rates[0] is not None and rates[1] is not None:
-            known[place] = rates[0] - rates[1]
-    return table.assign(thesis=np.array(known, dtype=float))
+            references[place] = rates[0] - rates[1]
+    return table.assign(thesis=np.array(references, dtype=float))
 
 
 def _rate(method: str, setting: str, metric: str, hits: BoolArray) -> Row:

@@ -1,4 +1,4 @@
-"""What the report is made of, and how it becomes one self-contained HTML page."""
+"""The parts of the report, and their rendering as one self-contained HTML page."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ MARKS: dict[Agreement, str] = {"yes": "✓ agrees", "partly": "≈ in part", "no
 
 @dataclass(frozen=True)
 class Reading:
-    """A claim of the thesis and what our data say, in one line; `thesis` is empty where it says nothing."""
+    """A claim of the thesis, empty if there is none, and our result in one line."""
 
     thesis: str
     ours: str
@@ -25,7 +25,7 @@ class Reading:
 
 @dataclass(frozen=True)
 class Sheet:
-    """A table: `long` is saved as `<name>.csv`, `head` and `rows` are what the page shows."""
+    """A table: `long` is saved as `<name>.csv`, `head` and `rows` are on the page."""
 
     name: str
     long: pd.DataFrame
@@ -48,10 +48,10 @@ class Films:
     """Videos side by side.
 
     Attributes:
-        shown: (name, H.264 in an mp4, caption) of each.
+        films: (name, H.264 in an mp4, caption) of each.
     """
 
-    shown: Sequence[tuple[str, bytes, str]]
+    films: Sequence[tuple[str, bytes, str]]
 
 
 Part = str | Reading | Sheet | Picture | Films
@@ -126,8 +126,8 @@ def render(title: str, lead: Sequence[str], sections: Sequence[Section]) -> str:
 def _section(number: int, section: Section) -> str:
     parts = "\n".join(_part(part) for part in section.parts)
     commands = escape("\n".join(section.commands))
-    made = f'<p class="faint">Made by:</p><pre>{commands}</pre>' if commands else ""
-    return f'<section id="s{number}"><h2>{escape(section.title)}</h2>\n{parts}\n{made}</section>\n'
+    footer = f'<p class="faint">Made by:</p><pre>{commands}</pre>' if commands else ""
+    return f'<section id="s{number}"><h2>{escape(section.title)}</h2>\n{parts}\n{footer}</section>\n'
 
 
 def _part(part: Part) -> str:
@@ -145,7 +145,7 @@ def _part(part: Part) -> str:
         image = f'<img alt="{escape(part.name)}" src="data:image/png;base64,{data}">'
         return f"<figure>{image}<figcaption>{escape(part.caption)}</figcaption></figure>"
     if isinstance(part, Films):
-        return f'<div class="films">{"".join(_film(*film) for film in part.shown)}</div>'
+        return f'<div class="films">{"".join(_film(*film) for film in part.films)}</div>'
     return f"<p>{escape(part)}</p>"
 
 

@@ -1,4 +1,4 @@
-"""Where the report reads: the folders that the stages left, by stage and domain."""
+"""The inputs of the report: the stages' output folders, by stage and domain."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Team:
 
     @property
     def sets(self) -> str:
-        """What the intervals are over, in words."""
+        """The task sets behind means and intervals, in words."""
         number, blocks = self.results["set"].nunique(), self.results["block"].nunique()
         origin = {number: "each with tasks and skills of its own", 1: "all drawn from one pool of tasks"}.get(
             blocks, f"drawn from {blocks} pools of tasks"
@@ -55,7 +55,7 @@ class Sources:
     Attributes:
         data: folder with one folder per stage.
         thesis: folder of the thesis's numbers.
-        domains: domains of the pipeline; what lies in `data` for others is not read.
+        domains: domains of the pipeline; those of `data` that are not among them are ignored.
         worlds: the same for manipulation worlds.
         recovery_worlds: those of them that learn recoveries to preconditions.
         chain_worlds: those of them that learn where and how to recover.
@@ -88,17 +88,17 @@ class Sources:
         """A domain's team experiment, or None if the pipeline leaves the domain out."""
         if domain not in self.domains:
             return None
-        evaluated = self.data / "evaluate_team" / domain
+        folder = self.data / "evaluate_team" / domain
         return Team(
             domain,
-            load_table(evaluated / "results.parquet", schema="team_results", version=1),
-            load_table(evaluated / "summary.parquet", schema="team_summary", version=1),
+            load_table(folder / "results.parquet", schema="team_results", version=1),
+            load_table(folder / "summary.parquet", schema="team_summary", version=1),
             load_table(self.file("plan", domain, "plans.parquet"), schema="plans", version=1),
             load_json(self.file("plan", domain, "summary.json"), schema="plan_summary", version=1)["thetas"],
             self.config("evaluate_team", domain)["study"],
         )
 
-    def collected(self, domain: str) -> dict[str, Any]:
+    def collection(self, domain: str) -> dict[str, Any]:
         """Summary of a domain's data collection."""
         return load_json(self.file("collect", domain, "summary.json"), schema="collect_summary", version=1)
 
@@ -113,16 +113,16 @@ class Sources:
         path = self.file("fit_transfer", domain, "metrics.json")
         return list(load_json(path, schema="fit_transfer_metrics", version=1)["scores"])
 
-    def discovered(self, world: str) -> dict[str, Any]:
-        """What discovery found in a world."""
+    def discovery(self, world: str) -> dict[str, Any]:
+        """Summary of a world's failure discovery."""
         return load_json(self.file("discover", world, "summary.json"), schema="discover_summary", version=1)
 
-    def clustered(self, world: str) -> dict[str, Any]:
-        """A world's failure modes."""
+    def clustering(self, world: str) -> dict[str, Any]:
+        """Summary of a world's failure modes."""
         return load_json(self.file("cluster", world, "summary.json"), schema="cluster_summary", version=1)
 
     def videos(self, world: str, stage: str = "cluster") -> tuple[list[tuple[dict[str, Any], bytes]], str | None]:
-        """What is known of each mode's video, and the video; and why there is none, if so."""
+        """(entry of `videos.json`, mp4) of each video, and the reason if there is none."""
         folder = self.data / stage / world / "videos"
         index = load_json(folder / "videos.json", schema="videos", version=1)
         try:
@@ -143,8 +143,8 @@ class Sources:
 
     def world(self, domain: str) -> Domain:
         """The task distribution, as the data were collected."""
-        chosen = self.config("collect", domain)["domain"]
-        return make_domain(chosen.get("target", chosen["name"]), chosen["params"])
+        config = self.config("collect", domain)["domain"]
+        return make_domain(config.get("target", config["name"]), config["params"])
 
     def model(self, domain: str) -> TransferModel:
         """The fitted predictor."""

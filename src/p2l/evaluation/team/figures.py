@@ -13,10 +13,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from p2l.evaluation.statistics import t_interval
-from p2l.evaluation.style import COMPARED, COST, METHODS, label_ends, plain
+from p2l.evaluation.style import COST, METHODS, THESIS_METHODS, label_ends, plain
 from p2l.records import Array
 
-DASHED = (0, (4, 3))
+DASHES = (0, (4, 3))
 # Parts of a cost: (count in the results, costs it is paid at, name, colour).
 PARTS = (
     ("attempts", "c_rob", "robot attempts", "#4477AA"),
@@ -27,7 +27,7 @@ PARTS = (
 
 
 def cost_by_pretraining(
-    summary: pd.DataFrame, panels: Mapping[str, str], note: str, methods: Sequence[str] = COMPARED
+    summary: pd.DataFrame, panels: Mapping[str, str], note: str, methods: Sequence[str] = THESIS_METHODS
 ) -> Figure:
     """Cost against the number of pre-trained skills, one column of panels per cost regime.
 
@@ -59,7 +59,7 @@ def cost_by_pretraining(
             label_lines(axes, gap=0.055 if axes is above else 0.08)
     grid[0, 0].set_ylabel(f"mean {COST}")
     grid[1, 0].set_ylabel("executed cost more than ADL,\nunits of effort")
-    lines = [Line2D([], [], color="0.3", lw=2), Line2D([], [], color="0.3", lw=1, ls=DASHED), Patch(color="0.8")]
+    lines = [Line2D([], [], color="0.3", lw=2), Line2D([], [], color="0.3", lw=1, ls=DASHES), Patch(color="0.8")]
     names = ["executed", "predicted by the planner", "95 % t interval of the difference on the same sets"]
     figure.legend(
         lines,
@@ -74,13 +74,13 @@ def cost_by_pretraining(
     return figure
 
 
-def cost_line(axes: Axes, rows: pd.DataFrame, method: str, front: float, *, predicted: bool = True) -> None:
+def cost_line(axes: Axes, rows: pd.DataFrame, method: str, front: float, *, prediction: bool = True) -> None:
     """Mean cost of a method against pre-training: executed solid, predicted dashed; rows of one regime."""
     style = METHODS[method]
-    level, executed = _series(rows, method, "executed_cost", "mean")
+    level, mean = _series(rows, method, "executed_cost", "mean")
     axes.plot(
         level,
-        executed,
+        mean,
         color=style.colour,
         marker=style.marker,
         ms=5,
@@ -89,8 +89,8 @@ def cost_line(axes: Axes, rows: pd.DataFrame, method: str, front: float, *, pred
         label=style.label,
         gid="labelled",
     )
-    if predicted:
-        axes.plot(*_series(rows, method, "predicted_cost", "mean"), color=style.colour, lw=1, ls=DASHED, zorder=front)
+    if prediction:
+        axes.plot(*_series(rows, method, "predicted_cost", "mean"), color=style.colour, lw=1, ls=DASHES, zorder=front)
 
 
 def _excess_line(axes: Axes, rows: pd.DataFrame, method: str, front: float) -> None:
@@ -127,7 +127,7 @@ def cost_by_method(
     costs: Mapping[str, float],
     thesis: Mapping[str, float],
     title: str,
-    methods: Sequence[str] = COMPARED,
+    methods: Sequence[str] = THESIS_METHODS,
 ) -> Figure:
     """Figure 3.9: mean executed cost of each method in its parts, with counts and the 95 % interval of the total.
 

@@ -20,7 +20,7 @@ HOLE_CM = 1.44  # drawn a little larger than the slot, for its number
 NEAR_CM = 1.5  # holes of the row next to a wall are nearer to it than this
 WALL_COLOUR = "#c9b48f"
 MEANING = {Decision.LEARN: "learn (a lesson)", Decision.ACT: "act (robot)", Decision.DELEGATE: "delegate (person)"}
-_UNUSED = "white"
+_EMPTY = "white"
 
 
 def environments(layout_seed: int, farthest_wall_cm: float) -> Figure:
@@ -63,13 +63,13 @@ def draw_board(axes: Axes, plan: pd.DataFrame) -> None:
     walls, holes = board_layout()
     _draw_walls(axes, walls)
     place = {str(number): 100.0 * hole for number, hole in enumerate(holes)}
-    decided: Mapping[str, Decision] = {
+    decisions: Mapping[str, Decision] = {
         row["name"]: Decision[row["decision"].upper()] for row in plan.to_dict("records")
     }
     for name, (x, y) in place.items():
-        used = name in decided
-        axes.add_artist(_hole(x, y, COLOURS[decided[name]] if used else _UNUSED, strong=used))
-        shade = "0.6" if not used else "black" if decided[name] == Decision.DELEGATE else "white"
+        task = name in decisions
+        axes.add_artist(_hole(x, y, COLOURS[decisions[name]] if task else _EMPTY, strong=task))
+        shade = "0.6" if not task else "black" if decisions[name] == Decision.DELEGATE else "white"
         axes.annotate(name, (x, y), ha="center", va="center", fontsize=8, color=shade, zorder=4)
     lessons = {row["task"]: place[row["name"]] for row in plan.to_dict("records") if row["decision"] == "learn"}
     for row in plan.to_dict("records"):
@@ -85,7 +85,7 @@ def decision_legend() -> list[Line2D]:
     """Legend entries of the decisions, and of a hole without a task."""
     circle = {"marker": "s", "ls": "", "ms": 12, "markeredgecolor": "0.3"}
     entries = [Line2D([], [], color=COLOURS[kind], label=text, **circle) for kind, text in MEANING.items()]  # type: ignore[arg-type]
-    return [*entries, Line2D([], [], color=_UNUSED, label="not among the tasks", **circle)]  # type: ignore[arg-type]
+    return [*entries, Line2D([], [], color=_EMPTY, label="not among the tasks", **circle)]  # type: ignore[arg-type]
 
 
 def _hole(x: float, y: float, colour: str, *, strong: bool) -> Rectangle:

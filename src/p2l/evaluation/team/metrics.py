@@ -1,4 +1,4 @@
-"""From executed plans to means with intervals: the numbers behind the tables and figures of chapter 3."""
+"""Means and intervals over executed plans: the numbers behind the tables and figures of chapter 3."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ def summarise(results: pd.DataFrame) -> pd.DataFrame:
     for (regime, level), cases in results.groupby(["regime", "level"], sort=True):
         base = cases[cases["method"] == BASE].sort_values("set")["executed_cost"].to_numpy()
         for method, group in cases.groupby("method", sort=True):
-            ordered = group.sort_values("set")
-            found = {metric: t_interval(ordered[metric].to_numpy()) for metric in METRICS}
-            if method != BASE and len(base) == len(ordered):
-                found["excess_cost"] = paired_difference(ordered["executed_cost"].to_numpy(), base)
-            for metric, interval in found.items():
+            sets = group.sort_values("set")
+            intervals = {metric: t_interval(sets[metric].to_numpy()) for metric in METRICS}
+            if method != BASE and len(base) == len(sets):
+                intervals["excess_cost"] = paired_difference(sets["executed_cost"].to_numpy(), base)
+            for metric, interval in intervals.items():
                 limits = [float(value) if interval.n > 1 else None for value in (interval.low, interval.high)]
                 rows.append((regime, level, method, metric, float(interval.mean), *limits, interval.n))
     columns = ["regime", "level", "method", "metric", "mean", "low", "high", "n"]

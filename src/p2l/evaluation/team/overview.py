@@ -1,4 +1,4 @@
-"""One picture of what p2l does: a day's tasks planned, the same on the peg board, and what planning ahead saves."""
+"""One picture of what p2l does: the plan of a day's tasks, a plan on the peg board, and the planners' costs."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from p2l.evaluation.style import COMPARED, COST, plain
+from p2l.evaluation.style import COST, THESIS_METHODS, plain
 from p2l.evaluation.team.figures import cost_line, label_lines
 from p2l.evaluation.team.layouts import decision_legend, draw_board
 from p2l.evaluation.team.plan import COLOURS
@@ -17,7 +17,7 @@ _ARCS = ("#882255", "#117733", "#332288", "#AA7700", "#007777", "#AA4499")  # on
 
 
 def overview(day: pd.DataFrame, board: pd.DataFrame, summary: pd.DataFrame) -> Figure:
-    """The picture.
+    """Three panels: a plan over time, a plan on the board, and cost against pre-training.
 
     Args:
         day: plan rows of one insertion set.
@@ -29,13 +29,13 @@ def overview(day: pd.DataFrame, board: pd.DataFrame, summary: pd.DataFrame) -> F
     top, left, right = figure.add_subplot(grid[0, :]), figure.add_subplot(grid[1, 0]), figure.add_subplot(grid[1, 1])
     draw_day(top, day)
     counts = day["decision"].value_counts()
-    told = ", ".join(f"{counts.get(kind, 0)} × {kind}" for kind in ("act", "delegate", "learn"))
-    top.set_title(f"A day of {len(day)} insertions, planned: {told}. Arcs: the attempts that a lesson pays for")
+    tally = ", ".join(f"{counts.get(kind, 0)} × {kind}" for kind in ("act", "delegate", "learn"))
+    top.set_title(f"A day of {len(day)} insertions, planned: {tally}. Arcs: the attempts that a lesson pays for")
     draw_board(left, board)
     left.set_title("A plan on the peg board, between two walls")
     left.legend(handles=decision_legend(), loc="upper left", bbox_to_anchor=(0.05, 0.86), frameon=False, fontsize=9)
-    for depth, method in enumerate(COMPARED):
-        cost_line(right, summary, method, 10.0 - depth, predicted=False)
+    for depth, method in enumerate(THESIS_METHODS):
+        cost_line(right, summary, method, 10.0 - depth, prediction=False)
     right.set(xlabel="number of pre-trained skills", ylabel=f"executed {COST}", ylim=(0.0, None))
     right.set_title("What such a day costs, by planner (mean)")
     plain(right)

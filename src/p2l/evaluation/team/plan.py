@@ -1,4 +1,4 @@
-"""A picture of a plan: the tasks in order of work, what happens to each, and which lesson pays for which task."""
+"""The figure of a plan: tasks in order of work, the decision and cost of each, and the tasks each lesson serves."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from p2l.team.problem import Decision, Plan, Problem
 COLOURS = {Decision.ACT: "#4477AA", Decision.DELEGATE: "#BBBBBB", Decision.LEARN: "#CC6677"}
 _MEANING = {Decision.ACT: "act (robot)", Decision.DELEGATE: "delegate (person)", Decision.LEARN: "learn (lesson)"}
 _ARCS = ("#882255", "#117733", "#332288", "#AA7700", "#007777", "#AA4499")  # one per lesson, in turn
-_NAMED = 60  # up to so many tasks each has its name and a marker of its own
+_NAME_LIMIT = 60  # up to so many tasks each has its name and a marker of its own
 _LONGEST = 18  # letters of a task name
 
 
@@ -34,26 +34,26 @@ def save_plan_figure(path: Path | str, problem: Problem, plan: Plan) -> None:
 
 def plan_figure(problem: Problem, plan: Plan) -> Figure:
     """The figure: arcs from each lesson to the attempts it serves above, the expected cost of each task below."""
-    named = problem.n <= _NAMED
+    with_names = problem.n <= _NAME_LIMIT
     figure = Figure(figsize=(float(np.clip(3.0 + 0.26 * problem.n, 7.0, 18.0)), 5.4), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     place = np.empty(problem.n, dtype=np.int64)
     place[plan.sequence] = np.arange(1, problem.n + 1)
-    arcs = _draw_arcs(above, plan, place, named)
-    _draw_tasks(above, plan, place, named)
+    arcs = _draw_arcs(above, plan, place, with_names)
+    _draw_tasks(above, plan, place, with_names)
     _draw_costs(below, problem, plan, place)
     below.set_xlim(0.3, problem.n + 0.7)
-    if named:
-        names = [_short(problem.tasks[task]) for task in plan.sequence]
-        crowded = problem.n > 12 or max(map(len, names)) > 60 // problem.n
-        turn = 90 if crowded else 0
-        below.set_xticks(np.arange(1, problem.n + 1), names, rotation=turn, fontsize=8, parse_math=False)
+    if with_names:
+        labels = [_short(problem.tasks[task]) for task in plan.sequence]
+        dense = problem.n > 12 or max(map(len, labels)) > 60 // problem.n
+        turn = 90 if dense else 0
+        below.set_xticks(np.arange(1, problem.n + 1), labels, rotation=turn, fontsize=8, parse_math=False)
     below.set_xlabel(f"task, in order of work ({problem.order})")
     counts = ", ".join(f"{plan.count(kind)} {kind.name.lower()}" for kind in Decision)
     proof = "optimal" if plan.status == "optimal" else f"{plan.status}, gap {plan.gap:.2%}"
     above.set_title(f"Expected cost {plan.objective:,.1f} ({plan.planner}: {proof}) – {counts}", fontsize=10)
     handles: list[Patch | Line2D] = [Patch(color=COLOURS[kind], label=_MEANING[kind]) for kind in Decision]
-    handles.append(Patch(**_failure_style(named), label="expected failure"))
+    handles.append(Patch(**_failure_style(with_names), label="expected failure"))
     if arcs:
         handles.append(Line2D([], [], color=_ARCS[0], label="lesson pays for"))
     else:
@@ -62,7 +62,7 @@ def plan_figure(problem: Problem, plan: Plan) -> Figure:
     return figure
 
 
-def _draw_arcs(axes: Axes, plan: Plan, place: IntArray, named: bool) -> int:
+def _draw_arcs(axes: Axes, plan: Plan, place: IntArray, with_names: bool) -> int:
     """Half circles squeezed to one height scale; returns how many there are."""
     lessons = plan.sequence[plan.decision[plan.sequence] == Decision.LEARN]
     colour = {int(lesson): _ARCS[rank % len(_ARCS)] for rank, lesson in enumerate(lessons)}
@@ -74,7 +74,7 @@ def _draw_arcs(axes: Axes, plan: Plan, place: IntArray, named: bool) -> int:
     axes.add_collection(
         LineCollection(lines, colors=shades, linewidths=0.4 if many else 1.2, alpha=0.35 if many else 0.8, zorder=1)
     )
-    if named:
+    if with_names:
         axes.scatter(place[users], np.full(len(users), 0.035), marker="v", s=14, c=shades, zorder=4)
         axes.scatter(place[lessons], np.full(len(lessons), 0.0), marker="s", s=130, c=list(colour.values()), zorder=2)
     axes.set_ylim(-0.08, 1.08)
@@ -91,10 +91,10 @@ def _arc(start: int, end: int, longest: float) -> Array:
     return np.stack([middle - radius * np.cos(angle), np.sqrt(height) * np.sin(angle)], axis=1)
 
 
-def _draw_tasks(axes: Axes, plan: Plan, place: IntArray, named: bool) -> None:
+def _draw_tasks(axes: Axes, plan: Plan, place: IntArray, with_names: bool) -> None:
     for kind in Decision:
         mine = place[plan.decision == kind]
-        if named:
+        if with_names:
             axes.scatter(mine, np.zeros(len(mine)), marker="s", s=70, color=COLOURS[kind], zorder=3)
         else:
             axes.bar(mine, 0.06, bottom=-0.06, width=1.0, color=COLOURS[kind], zorder=3)
@@ -103,11 +103,11 @@ def _draw_tasks(axes: Axes, plan: Plan, place: IntArray, named: bool) -> None:
 def _draw_costs(axes: Axes, problem: Problem, plan: Plan, place: IntArray) -> None:
     act = plan.decision == Decision.ACT
     certain = np.where(act, problem.c_rob, plan.expected_cost)
-    width = 0.75 if problem.n <= _NAMED else 1.0
+    width = 0.75 if problem.n <= _NAME_LIMIT else 1.0
     for kind in Decision:
         mine = plan.decision == kind
         axes.bar(place[mine], certain[mine], width=width, color=COLOURS[kind])
-    style = _failure_style(problem.n <= _NAMED)
+    style = _failure_style(problem.n <= _NAME_LIMIT)
     axes.bar(place[act], (plan.expected_cost - certain)[act], bottom=certain[act], width=width, **style)
     axes.set_ylabel("expected cost\n(unit of the given costs)")
     axes.spines[["right", "top"]].set_visible(False)
@@ -118,8 +118,8 @@ def _draw_costs(axes: Axes, problem: Problem, plan: Plan, place: IntArray) -> No
         axes.margins(y=0.15)
 
 
-def _failure_style(named: bool) -> dict[str, Any]:
-    if not named:
+def _failure_style(with_names: bool) -> dict[str, Any]:
+    if not with_names:
         return {"color": "#A9C4DD"}
     return {"facecolor": "white", "edgecolor": COLOURS[Decision.ACT], "hatch": "////", "linewidth": 0.6}
 

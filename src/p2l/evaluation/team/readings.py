@@ -1,4 +1,4 @@
-"""What the data say of each claim of chapter 3; every sentence is computed, none is written in."""
+"""Readings: the claims of chapter 3 beside what our results give for each; every sentence is computed."""
 
 from __future__ import annotations
 
@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import pandas as pd
 
 from p2l.evaluation.page.page import Agreement, Reading
-from p2l.evaluation.page.views import spoken
-from p2l.evaluation.style import COMPARED, METHODS
+from p2l.evaluation.page.views import setting_label
+from p2l.evaluation.style import METHODS, THESIS_METHODS
 
-BASELINES = COMPARED[1:]
+BASELINES = THESIS_METHODS[1:]
 AS_WELL_PERCENT = 10.0  # "performs as well as" is read as: within so many percent
 THETA_STEP = 0.05  # of the grid search
 
@@ -20,14 +20,14 @@ class Cheapest:
     """At how many of `levels` ADL is cheaper than every baseline, or equal to the cheapest; see `cheapest`."""
 
     strict: int
-    tied: int
+    ties: int
     clear: int
     levels: int
 
 
 def cheapest(summary: pd.DataFrame, regime: str, metric: str = "executed_cost") -> Cheapest:
     """Compare ADL with the baselines at each level; `clear`: its lead over each excludes zero (executed, paired)."""
-    rows = summary[(summary["regime"] == regime) & summary["method"].isin(COMPARED)]
+    rows = summary[(summary["regime"] == regime) & summary["method"].isin(THESIS_METHODS)]
     means = rows[rows["metric"] == metric].pivot_table(index="level", columns="method", values="mean")
     lead = means.drop(columns="adl").min(axis=1) - means["adl"]
     low = rows[rows["metric"] == "excess_cost"].pivot_table(index="level", columns="method", values="low")
@@ -39,13 +39,14 @@ def cheapest(summary: pd.DataFrame, regime: str, metric: str = "executed_cost") 
 
 def read_cheapest(claim: str, summary: pd.DataFrame, regime: str) -> Reading:
     """ADL against the baselines at each level of pre-training."""
-    ran, planned = cheapest(summary, regime), cheapest(summary, regime, "predicted_cost")
+    execution, prediction = cheapest(summary, regime), cheapest(summary, regime, "predicted_cost")
     text = (
-        f"ADL is the cheapest method at {ran.strict} of {ran.levels} levels{_tied(ran)} by executed cost, at "
-        f"{planned.strict} of {planned.levels}{_tied(planned)} by predicted cost; its executed lead over every "
-        f"baseline has a 95 % interval above zero at {ran.clear}."
+        f"ADL is the cheapest method at {execution.strict} of {execution.levels} levels{_ties(execution)} by executed "
+        f"cost, at {prediction.strict} of {prediction.levels}{_ties(prediction)} by predicted cost; its executed lead "
+        f"over every baseline has a 95 % interval above zero at {execution.clear}."
     )
-    return Reading(claim, text, _grade(ran.strict == ran.levels, 2 * (ran.strict + ran.tied) > ran.levels))
+    most = 2 * (execution.strict + execution.ties) > execution.levels
+    return Reading(claim, text, _grade(execution.strict == execution.levels, most))
 
 
 def read_gap(claim: str, summary: pd.DataFrame, regime: str) -> Reading:
@@ -97,11 +98,11 @@ def orders_that_differ(table: pd.DataFrame) -> list[str]:
 
 def read_orders(claim: str, table: pd.DataFrame) -> Reading:
     """Table 3.1 row by row, with the plan made from the true matrix where a row differs."""
-    known = table[table["thesis"].notna()]
-    orders, bad = known["setting"].nunique(), orders_that_differ(table)
+    rows = table[table["thesis"].notna()]
+    orders, bad = rows["setting"].nunique(), orders_that_differ(table)
     text = f"{orders - len(bad)} of {orders} rows are reproduced from the learnt predictor."
     true = table[table["method"] == "adl_true"].set_index(["setting", "metric"])["mean"]
-    for row in known[known["mean"] != known["thesis"]].to_dict("records"):
+    for row in rows[rows["mean"] != rows["thesis"]].to_dict("records"):
         text += (
             f" {row['setting']}: {row['metric']} {row['mean']:g} (thesis {row['thesis']:g}; with the true transfer "
             f"matrix {true[row['setting'], row['metric']]:g})."
@@ -135,14 +136,14 @@ def read_low(claim: str, summary: pd.DataFrame, regime: str) -> Reading:
 
 def read_high(claim: str, summary: pd.DataFrame, regime: str) -> Reading:
     """ADL's lead over each baseline where teaching is costly."""
-    found = cheapest(summary, regime)
+    counts = cheapest(summary, regime)
     means = _means(summary, regime, "executed_cost").mean()
     parts = ", ".join(f"{METHODS[m].label} {_percent(100 * (means[m] / means['adl'] - 1))}" for m in BASELINES)
     text = (
-        f"Averaged over the levels, than ADL: {parts}. ADL is cheapest at {found.strict} of {found.levels} levels"
-        f"{_tied(found)}, clearly (paired 95 % interval) at {found.clear}."
+        f"Averaged over the levels, than ADL: {parts}. ADL is cheapest at {counts.strict} of {counts.levels} levels"
+        f"{_ties(counts)}, clearly (paired 95 % interval) at {counts.clear}."
     )
-    return Reading(claim, text, _grade(found.clear == found.levels, found.clear > 0))
+    return Reading(claim, text, _grade(counts.clear == counts.levels, counts.clear > 0))
 
 
 def read_walls(claim: str, table: pd.DataFrame) -> Reading:
@@ -175,9 +176,10 @@ def read_saving(table: pd.DataFrame, metric: str, what: str) -> Reading:
     rows = table[table["metric"] == metric]
     above, below = int((rows["low"] > 0).sum()), int((rows["high"] < 0).sum())
     largest = rows.sort_values("mean").iloc[-1]
+    setting = setting_label(largest["setting"])
     text = (
         f"{what} in {above} of {len(rows)} settings with a 95 % interval above zero ({below} below zero); the largest "
-        f"is {largest['mean']:.0f} [{largest['low']:.0f}, {largest['high']:.0f}] for {spoken(largest['setting'])}."
+        f"is {largest['mean']:.0f} [{largest['low']:.0f}, {largest['high']:.0f}] for {setting}."
     )
     return Reading("", text)
 
@@ -187,8 +189,8 @@ def _means(summary: pd.DataFrame, regime: str, metric: str) -> pd.DataFrame:
     return rows.pivot_table(index="level", columns="method", values="mean").sort_index()
 
 
-def _tied(found: Cheapest) -> str:
-    return f" and equal to the cheapest at {found.tied}" if found.tied else ""
+def _ties(counts: Cheapest) -> str:
+    return f" and equal to the cheapest at {counts.ties}" if counts.ties else ""
 
 
 def _percent(value: float) -> str:

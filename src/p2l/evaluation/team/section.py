@@ -6,8 +6,8 @@ import pandas as pd
 
 from p2l.evaluation.page.page import Part, Picture, Section, Sheet
 from p2l.evaluation.page.sources import Sources, Team
-from p2l.evaluation.page.views import averages, estimate, missing, pivot, plain_setting, spoken, stage_commands
-from p2l.evaluation.style import COMPARED, METHODS, png
+from p2l.evaluation.page.views import averages, estimate, missing, pivot, plain_setting, setting_label, stage_commands
+from p2l.evaluation.style import METHODS, THESIS_METHODS, png
 from p2l.evaluation.team import readings, tables
 from p2l.evaluation.team.figures import cost_by_method, cost_by_pretraining
 from p2l.evaluation.team.layouts import board_plans
@@ -15,7 +15,7 @@ from p2l.evaluation.team.overview import overview
 from p2l.evaluation.team.tables import HIGH, LOW
 
 CHAPTER = 3
-MEASURED = ("executed_cost", "demos", "delegated", "failures")
+TABLE_METRICS = ("executed_cost", "demos", "delegated", "failures")
 
 
 def in_one_picture(sources: Sources) -> Section:
@@ -46,7 +46,7 @@ def figure_3_7(sources: Sources) -> Section:
     thesis, summary = sources.chapter(CHAPTER), team.summary
     table = tables.figure_3_7(summary, team.thetas, thesis)
     claims = {name: thesis.claims["figure_3_7", name] for name in ("cheapest", "gap", "converge", "crossing", "theta")}
-    found = readings.cheapest(summary, HIGH)
+    counts = readings.cheapest(summary, HIGH)
     parts: list[Part] = [
         _conditions(team, HIGH),
         Picture(
@@ -59,12 +59,12 @@ def figure_3_7(sources: Sources) -> Section:
         readings.read_convergence(claims["converge"], summary, HIGH, team.results["n_tasks"].iloc[0]),
         readings.read_crossing(claims["crossing"], summary, HIGH),
         readings.read_theta(claims["theta"], table),
-        Sheet("figure_3_7", table, *pivot(table, "executed_cost", COMPARED), "Mean executed cost [95 % t interval]."),
+        _cost_sheet("figure_3_7", table),
     ]
     numbers = {
-        "figure_3_7/levels": float(found.levels),
-        "figure_3_7/levels_adl_cheapest": float(found.strict),
-        "figure_3_7/levels_adl_tied": float(found.tied),
+        "figure_3_7/levels": float(counts.levels),
+        "figure_3_7/levels_adl_cheapest": float(counts.strict),
+        "figure_3_7/levels_adl_tied": float(counts.ties),
         "figure_3_7/theta": team.thetas[HIGH],
     }
     return Section(title, parts, stage_commands("evaluate_team", ("insertion",)), numbers)
@@ -78,17 +78,17 @@ def table_3_1(sources: Sources) -> Section:
     thesis = sources.chapter(CHAPTER)
     table = tables.table_3_1(team.results, thesis)
     plans = team.plans[team.plans["method"] == "adl"].sort_values(["set", "step"])
-    told = [", ".join(plans.loc[plans["set"] == index, "name"]) for index in sorted(set(plans["set"]))]
+    orders = [", ".join(plans.loc[plans["set"] == index, "name"]) for index in sorted(set(plans["set"]))]
     value = {(row["method"], row["setting"], row["metric"]): row for row in table.to_dict("records")}
     rows, titles = [], []
-    for number, names in enumerate(told, start=1):
+    for number, names in enumerate(orders, start=1):
         mine = {metric: value["adl", f"order={number}", metric] for metric in tables.BOARD_METRICS}
-        demos, delegated = (f"{mine[name]['mean']:g}" for name in ("demos", "delegated"))
-        titles.append(f"order {number}: {names}\n{demos} taught, {delegated} delegated")
-        known = [estimate(mine[name]["thesis"]) for name in ("demos", "delegated")]
+        demos, delegations = (f"{mine[name]['mean']:g}" for name in ("demos", "delegated"))
+        titles.append(f"order {number}: {names}\n{demos} taught, {delegations} delegated")
+        references = [estimate(mine[name]["thesis"]) for name in ("demos", "delegated")]
         costs = [f"{mine[name]['mean']:.0f}" for name in ("executed_cost", "predicted_cost")]
         true = f"{value['adl_true', f'order={number}', 'executed_cost']['mean']:.0f}"
-        counts = [f"{demos} ({known[0]})", f"{delegated} ({known[1]})", f"{mine['failures']['mean']:.2f}"]
+        counts = [f"{demos} ({references[0]})", f"{delegations} ({references[1]})", f"{mine['failures']['mean']:.2f}"]
         rows.append([str(number), names, *counts, *costs, true])
     head = ["", "order of tasks", "#demo (thesis)", "#hum (thesis)", "failures", "executed", "predicted", "true matrix"]
     caption = (
@@ -102,7 +102,7 @@ def table_3_1(sources: Sources) -> Section:
         readings.read_orders(thesis.claims["table_3_1", "rows"], table),
         Picture("table_3_1", png(board_plans(plans, titles)), arrows),
     ]
-    same = len(told) - len(readings.orders_that_differ(table))
+    same = len(orders) - len(readings.orders_that_differ(table))
     return Section(
         title, parts, stage_commands("evaluate_team", ("board",)), {"table_3_1/orders_reproduced": float(same)}
     )
@@ -115,8 +115,8 @@ def table_3_2(sources: Sources) -> Section:
         return missing(title, ("lego",), sources)
     thesis = sources.chapter(CHAPTER)
     table = tables.table_3_2(team.results, thesis)
-    known = [method for method in METHODS if (table["method"] == method).any()]
-    rows = [row for method in known for row in averages(table, method, MEASURED)]
+    methods = [method for method in METHODS if (table["method"] == method).any()]
+    rows = [row for method in methods for row in averages(table, method, TABLE_METRICS)]
     cases = team.results[(team.results["regime"] == HIGH) & (team.results["level"] == 0)]
     costs = table[(table["metric"] == "executed_cost") & table["thesis"].notna()]
     totals = dict(zip(costs["method"], costs["thesis"], strict=True))
@@ -138,11 +138,11 @@ def table_3_2(sources: Sources) -> Section:
             "What the total is made of; numbers in the bars are mean counts per set, whiskers 95 % t intervals.",
         ),
     ]
-    found = {
+    numbers = {
         f"table_3_2/{row['method']}": row["mean"]
         for row in table[(table["metric"] == "executed_cost")].to_dict("records")
     }
-    return Section(title, parts, stage_commands("evaluate_team", ("lego",)), found)
+    return Section(title, parts, stage_commands("evaluate_team", ("lego",)), numbers)
 
 
 def figure_3_10(sources: Sources) -> Section:
@@ -150,13 +150,13 @@ def figure_3_10(sources: Sources) -> Section:
     title = "Figure 3.10: effect of costs on plans"
     thesis = sources.chapter(CHAPTER)
     parts: list[Part] = []
-    used: list[str] = []
+    domains: list[str] = []
     for domain, name in (("lego", "figure_3_10"), ("insertion", "figure_3_10_insertion")):
         team = sources.team(domain)
         if team is None:
             parts.append(f"Domain '{domain}' is not part of this pipeline.")
             continue
-        used.append(domain)
+        domains.append(domain)
         panels = {LOW: "(a) low cost of teaching", HIGH: "(b) high cost of teaching"}
         panels = {regime: f"{text}, c_demo = {team.costs(regime)['c_demo']:g}" for regime, text in panels.items()}
         table = tables.figure_3_10(team.summary, thesis)
@@ -165,14 +165,14 @@ def figure_3_10(sources: Sources) -> Section:
             Picture(name, png(cost_by_pretraining(team.summary, panels, team.sets)), f"{domain}, both regimes."),
             readings.read_low(thesis.claims["figure_3_10", "low"], team.summary, LOW),
             readings.read_high(thesis.claims["figure_3_10", "high"], team.summary, HIGH),
-            Sheet(name, table, *pivot(table, "executed_cost", COMPARED), "Mean executed cost [95 % t interval]."),
+            _cost_sheet(name, table),
         ]
-    return Section(title, parts, stage_commands("evaluate_team", used))
+    return Section(title, parts, stage_commands("evaluate_team", domains))
 
 
 def order_any(sources: Sources) -> Section:
-    """What the freedom to choose the order saves."""
-    return _compared(
+    """The saving of ADL with any order of work."""
+    return _comparison(
         sources,
         "Any order of work (section 6.2.1)",
         "order_any",
@@ -183,8 +183,8 @@ def order_any(sources: Sources) -> Section:
 
 
 def prediction_price(sources: Sources) -> Section:
-    """What imperfect prediction costs."""
-    return _compared(
+    """The cost of ADL's plans minus that of plans made from the true transfer matrix."""
+    return _comparison(
         sources,
         "The price of imperfect prediction",
         "prediction_price",
@@ -194,7 +194,7 @@ def prediction_price(sources: Sources) -> Section:
     )
 
 
-def _compared(sources: Sources, title: str, name: str, lead: str, lines: dict[str, str]) -> Section:
+def _comparison(sources: Sources, title: str, name: str, lead: str, lines: dict[str, str]) -> Section:
     thesis = sources.chapter(CHAPTER)
     make = {"order_any": tables.order_any, "prediction_price": tables.prediction_price}[name]
     teams = [team for domain in sources.domains if (team := sources.team(domain)) is not None]
@@ -202,7 +202,7 @@ def _compared(sources: Sources, title: str, name: str, lead: str, lines: dict[st
     metrics = list(lines)
     first = table[table["metric"] == metrics[0]]
     rows = [
-        [spoken(row["setting"]), *(_of(table, row["setting"], metric) for metric in metrics)]
+        [setting_label(row["setting"]), *(_of(table, row["setting"], metric) for metric in metrics)]
         for row in first.to_dict("records")
     ]
     sheet = Sheet(
@@ -212,9 +212,13 @@ def _compared(sources: Sources, title: str, name: str, lead: str, lines: dict[st
         rows,
         "Mean paired difference [95 % t interval over sets], units of effort.",
     )
-    found = [readings.read_saving(table, metric, text) for metric, text in lines.items()]
+    savings = [readings.read_saving(table, metric, text) for metric, text in lines.items()]
     headline = {f"{name}/{plain_setting(row['setting'])}": row["mean"] for row in first.to_dict("records")}
-    return Section(title, [lead, *found, sheet], stage_commands("evaluate_team", sources.domains), headline)
+    return Section(title, [lead, *savings, sheet], stage_commands("evaluate_team", sources.domains), headline)
+
+
+def _cost_sheet(name: str, table: pd.DataFrame) -> Sheet:
+    return Sheet(name, table, *pivot(table, "executed_cost", THESIS_METHODS), "Mean executed cost [95 % t interval].")
 
 
 def _of(table: pd.DataFrame, setting: str, metric: str) -> str:
@@ -230,5 +234,5 @@ def _plan(team: Team, regime: str, level: int) -> pd.DataFrame:
 def _conditions(team: Team, *regimes: str) -> str:
     costs = [team.costs(regime) for regime in regimes]
     each = {name: " or ".join(dict.fromkeys(f"{cost[name]:g}" for cost in costs)) for name in costs[0]}
-    told = ", ".join(f"{name} = {value}" for name, value in each.items())
-    return f"{team.sets}; {told}; {team.study['draws']} executions behind each success rate."
+    prices = ", ".join(f"{name} = {value}" for name, value in each.items())
+    return f"{team.sets}; {prices}; {team.study['draws']} executions behind each success rate."

@@ -61,8 +61,8 @@ def figure_3_7(summary: pd.DataFrame, thetas: Mapping[str, float], thesis: Thesi
     """Costs and counts against the number of pre-trained skills where teaching is costly; setting `pretrained=l`."""
     mine = summary[summary["regime"] == HIGH]
     table = _of_summary(mine, [f"pretrained={level}" for level in mine["level"]])
-    chosen = table_of([single_row("cba_best", "", "theta", thetas[HIGH])] if HIGH in thetas else [])
-    return thesis.beside(_stack([table, chosen]), "figure_3_7")
+    threshold = table_of([single_row("cba_best", "", "theta", thetas[HIGH])] if HIGH in thetas else [])
+    return thesis.beside(_stack([table, threshold]), "figure_3_7")
 
 
 def figure_3_10(summary: pd.DataFrame, thesis: Thesis) -> pd.DataFrame:
@@ -71,13 +71,13 @@ def figure_3_10(summary: pd.DataFrame, thesis: Thesis) -> pd.DataFrame:
 
 
 def order_any(results: pd.DataFrame, domain: str, thesis: Thesis) -> pd.DataFrame:
-    """What the freedom to choose the order saves (section 6.2.1): ADL minus ADL with any order, on the same sets."""
+    """The saving of any order of work (section 6.2.1): ADL minus ADL with any order, on the same sets."""
     kinds = ("executed", "predicted")
     return thesis.beside(_differences(results, domain, "adl_any", "saving", kinds), "order_any")
 
 
 def prediction_price(results: pd.DataFrame, domain: str, thesis: Thesis) -> pd.DataFrame:
-    """What imperfect prediction costs: ADL minus the same planner with the true transfer matrix, on the same sets."""
+    """The price of prediction: ADL minus the same planner with the true transfer matrix, on the same sets."""
     return thesis.beside(_differences(results, domain, "adl_true", "price", ("executed",)), "prediction_price")
 
 
@@ -91,13 +91,13 @@ def transfer_scores(scores: Iterable[Mapping[str, Any]], domain: str, thesis: Th
     return thesis.beside(table_of(rows), "transfer_model")
 
 
-def walls(collected: Mapping[str, Any], domain: str, thesis: Thesis) -> pd.DataFrame:
-    """Do skills use walls: success on the skill's own task with and without them (Wilson limits, n executions)."""
+def walls(collection: Mapping[str, Any], domain: str, thesis: Thesis) -> pd.DataFrame:
+    """Success of skills on their own task with and without walls (Wilson limits, n executions), from `collect`."""
     names = {"walls=kept": "own_task_success", "walls=removed": "own_task_success_without_walls"}
     rows = [
         ("skill", f"domain={domain};{setting}", "success", rate["mean"], rate["low"], rate["high"], rate["trials"])
         for setting, key in names.items()
-        if (rate := collected.get(key)) is not None
+        if (rate := collection.get(key)) is not None
     ]
     return thesis.beside(table_of(rows), "walls")
 
@@ -108,10 +108,9 @@ def _differences(results: pd.DataFrame, domain: str, method: str, name: str, kin
     for (regime, level), group in results.groupby(["regime", "level"], sort=True):
         ours, other = (group[group["method"] == one].sort_values("set") for one in ("adl", method))
         for kind in kinds:
-            found = paired_difference(ours[f"{kind}_cost"].to_numpy(), other[f"{kind}_cost"].to_numpy())
-            rows.append(
-                interval_row(method, f"domain={domain};regime={regime};pretrained={level}", f"{kind}_{name}", found)
-            )
+            difference = paired_difference(ours[f"{kind}_cost"].to_numpy(), other[f"{kind}_cost"].to_numpy())
+            setting = f"domain={domain};regime={regime};pretrained={level}"
+            rows.append(interval_row(method, setting, f"{kind}_{name}", difference))
     return table_of(rows)
 
 

@@ -1,7 +1,7 @@
-"""How good is the precondition predictor on tasks it has not seen, and does its probability mean what it says?
+"""Scores and calibration of the precondition predictor on held-out tasks.
 
-Pairs are judged in two groups: `new_test`, where the tested task is held out and the taught one was fitted, and
-`both_new`, where both are held out. Intervals resample held-out tasks, not pairs, since pairs of a task are alike.
+Pairs of a training and a test task form two groups: `new_test`, where only the test task is held out from fitting, and
+`both_new`, where both are. Intervals resample held-out tasks, not pairs, since pairs of a task are alike.
 """
 
 from __future__ import annotations
@@ -31,15 +31,16 @@ RESAMPLES = 1000
 
 
 @dataclass(frozen=True)
-class Judged:
-    """Predictions on held-out pairs; every array is [N].
+class Predictions:
+    """A method's predictions for one group of held-out pairs; every array is [N].
 
     Attributes:
         method: which predictor.
         pairs: `new_test` or `both_new`.
         p: predicted probability.
         successes: of `draws` executions.
-        taught, tested: task numbers.
+        train_task: number of the task that the skill was trained on.
+        test_task: number of the task that it is tried on.
     """
 
     method: str
@@ -47,22 +48,22 @@ class Judged:
     p: Array
     successes: IntArray
     draws: int
-    taught: IntArray
-    tested: IntArray
+    train_task: IntArray
+    test_task: IntArray
 
 
-def judge(data: TransferData, model: TransferModel, split: TaskSplit) -> list[Judged]:
+def held_out_predictions(data: TransferData, model: TransferModel, split: TaskSplit) -> list[Predictions]:
     """Predictions of the model, without and with its correction, and of the baselines on held-out pairs."""
     raw = replace(model, platt=Platt())
     columns = np.flatnonzero(split.held_out)
-    taught_held = split.held_out[data.train_task]
-    judged = []
-    for pairs, skills in (("new_test", np.flatnonzero(~taught_held)), ("both_new", np.flatnonzero(taught_held))):
+    held_out = split.held_out[data.train_task]
+    predictions = []
+    for pairs, skills in (("new_test", np.flatnonzero(~held_out)), ("both_new", np.flatnonzero(held_out))):
         if skills.size == 0:
             continue
         tasks = data.train_task[skills]
         train, test = data.features[tasks], data.features[columns]
-        predictions = {
+        probabilities = {
             "model": model.predict(train, test),
             "uncorrected": raw.predict(train, test),
             "nearest_neighbour": baselines.nearest_neighbour(data, split, model, train, test),
@@ -70,24 +71,26 @@ def judge(data: TransferData, model: TransferModel, split: TaskSplit) -> list[Ju
         }
         counts = data.successes[np.ix_(skills, columns)].ravel()
         grid = [axis.ravel() for axis in np.meshgrid(tasks, columns, indexing="ij")]
-        judged += [Judged(name, pairs, p.ravel(), counts, data.draws, *grid) for name, p in predictions.items()]
-    return judged
+        for name, p in probabilities.items():
+            predictions.append(Predictions(name, pairs, p.ravel(), counts, data.draws, *grid))
+    return predictions
 
 
-def score_table(judged: list[Judged], rng: np.random.Generator, level: float = 0.95) -> pd.DataFrame:
+def score_table(predictions: list[Predictions], rng: np.random.Generator, level: float = 0.95) -> pd.DataFrame:
     """One row per method, group of pairs and score: `method, pairs, metric, mean, low, high, n` (n pairs).
 
     A score that the data do not define (AUC with successes only) is NaN.
     """
     rows = []
-    for one in judged:
+    for one in predictions:
         weights = task_weights(one, RESAMPLES, rng)
         for name, score in SCORES.items():
             value = float(score(one.p, one.successes, one.draws))
             with np.errstate(invalid="ignore", divide="ignore"):
-                drawn = score(one.p, one.successes, one.draws, weights)
-            drawn = drawn[np.isfinite(drawn)]
-            low, high = np.quantile(drawn, [0.5 - level / 2, 0.5 + level / 2]) if drawn.size else (np.nan, np.nan)
+                replicates = score(one.p, one.successes, one.draws, weights)
+            replicates = replicates[np.isfinite(replicates)]
+            limits = [0.5 - level / 2, 0.5 + level / 2]
+            low, high = np.quantile(replicates, limits) if replicates.size else (np.nan, np.nan)
             rows.append((one.method, one.pairs, name, value, float(low), float(high), len(one.p)))
     return pd.DataFrame(rows, columns=["method", "pairs", "metric", "mean", "low", "high", "n"])
 
@@ -99,25 +102,25 @@ def records(table: pd.DataFrame) -> list[dict[str, Any]]:
     return [dict(zip(table.columns, row, strict=True)) for row in zip(*plain, strict=True)]
 
 
-def task_weights(judged: Judged, resamples: int, rng: np.random.Generator) -> Array:
+def task_weights(predictions: Predictions, resamples: int, rng: np.random.Generator) -> Array:
     """[resamples, N] how often each pair is drawn when its held-out tasks are drawn with replacement."""
-    tasks = np.unique(judged.tested)
-    drawn = resample_weights(len(tasks), resamples, rng)
-    weights = drawn[:, np.searchsorted(tasks, judged.tested)]
-    if judged.pairs == "both_new":  # the taught tasks are held-out tasks as well, drawn with the same counts
-        weights = weights * drawn[:, np.searchsorted(tasks, judged.taught)]
+    tasks = np.unique(predictions.test_task)
+    counts = resample_weights(len(tasks), resamples, rng)
+    weights = counts[:, np.searchsorted(tasks, predictions.test_task)]
+    if predictions.pairs == "both_new":  # training tasks are held out as well, and drawn with the same counts
+        weights = weights * counts[:, np.searchsorted(tasks, predictions.train_task)]
     return weights
 
 
-def calibration_table(judged: list[Judged], bins: int = 10) -> pd.DataFrame:
+def calibration_table(predictions: list[Predictions], bins: int = 10) -> pd.DataFrame:
     """Reliability of each method over both groups of pairs, with Wilson intervals of the success rate.
 
     Columns `method, low_p, high_p, mean_p, rate, low, high, successes, executions, pairs`. The intervals take
     executions as independent, which those of one task are not quite.
     """
     tables = []
-    for method in dict.fromkeys(one.method for one in judged):
-        mine = [one for one in judged if one.method == method]
+    for method in dict.fromkeys(one.method for one in predictions):
+        mine = [one for one in predictions if one.method == method]
         p, successes = np.concatenate([one.p for one in mine]), np.concatenate([one.successes for one in mine])
         curve = calibration.reliability(p, successes, mine[0].draws, bins)
         low, high = wilson_interval(curve.successes, curve.executions)

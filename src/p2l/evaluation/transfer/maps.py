@@ -22,9 +22,9 @@ def transfer_maps(
 
     Args:
         panels: title → matrix; all of one shape.
-        rows: what a row is.
-        columns: what a column is.
-        row_ticks: (place, name) of what is named along the rows.
+        rows: label of the rows' axis.
+        columns: label of the columns' axis.
+        row_ticks: (place, name) of each tick along the rows.
         column_ticks: the same along the columns.
     """
     shape = next(iter(panels.values())).shape

@@ -1,4 +1,4 @@
-"""Figures of finished runs, drawn from the tables that are saved beside them."""
+"""The reliability diagram of the transfer predictor."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ def reliability_diagram(table: pd.DataFrame, methods: Sequence[str], domain: str
     """Success rate against predicted probability with Wilson intervals, over a histogram of the predictions.
 
     Args:
-        table: rows of `transfer_fit.calibration_table`.
+        table: rows of `fit.calibration_table`.
         methods: which of its methods, in drawing order; the first one stands out.
         domain: whose transfer is predicted; for the title.
         path: PNG to write.

@@ -1,4 +1,4 @@
-"""The worlds of the team flow and their predictors: what skills use, and how well transfer is predicted."""
+"""Sections on the domains of the team flow: learnt skills and their use of walls, and the transfer predictors."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ import pandas as pd
 
 from p2l.evaluation.page.page import Part, Picture, Reading, Section, Sheet
 from p2l.evaluation.page.sources import Sources
-from p2l.evaluation.page.views import estimate, plain_setting, spoken, stage_commands
+from p2l.evaluation.page.views import estimate, plain_setting, setting_label, stage_commands
 from p2l.evaluation.style import png
 from p2l.evaluation.team import readings, tables
 from p2l.evaluation.team.layouts import environments
 from p2l.evaluation.transfer.maps import block_ticks, task_order, transfer_maps
 
 CHAPTER = 3
-SHOWN = ("auc", "brier", "log_loss", "ece")
-JUDGED = (
+METRICS = ("auc", "brier", "log_loss", "ece")
+PROTOCOL = (
     "The planner takes the predicted probability of success at its word, so it is judged as a probability, on tasks "
     "held out from fitting. new_test: a fitted task's skill on a new task; both_new: skill and task both new."
 )
@@ -36,22 +36,23 @@ def learnt_skills(sources: Sources) -> Section:
     thesis = sources.chapter(CHAPTER)
     parts: list[Part] = []
     if "insertion" in sources.domains:
-        given = {"layout_seed": 0, "farthest_wall_cm": 2.0} | sources.config("collect", "insertion")["domain"]["params"]
-        figure = environments(int(given["layout_seed"]), float(given["farthest_wall_cm"]))
+        params = {"layout_seed": 0, "farthest_wall_cm": 2.0}
+        params |= sources.config("collect", "insertion")["domain"]["params"]
+        figure = environments(int(params["layout_seed"]), float(params["farthest_wall_cm"]))
         parts.append(Picture("environments", png(figure), ENVIRONMENTS))
     parts += [
         Picture(f"strategy_{domain}", sources.image("collect", domain, "strategy.png"), f"{domain}: {STRATEGY}")
         for domain in sources.domains
     ]
-    made = {domain: tables.walls(sources.collected(domain), domain, thesis) for domain in sources.domains}
-    table = pd.concat(made.values(), ignore_index=True)
+    by_domain = {domain: tables.walls(sources.collection(domain), domain, thesis) for domain in sources.domains}
+    table = pd.concat(by_domain.values(), ignore_index=True)
     rows = [
-        [spoken(row["setting"]), f"{row['mean']:.3f} [{row['low']:.3f}, {row['high']:.3f}]", str(row["n"])]
+        [setting_label(row["setting"]), f"{row['mean']:.3f} [{row['low']:.3f}, {row['high']:.3f}]", str(row["n"])]
         for row in table.to_dict("records")
     ]
     parts.append(Sheet("walls", table, ["", "success on the own task", "executions"], rows, "95 % Wilson intervals."))
     numbers: dict[str, float] = {}
-    for domain, own in made.items():
+    for domain, own in by_domain.items():
         numbers |= {f"walls/{plain_setting(row['setting'])}": row["mean"] for row in own.to_dict("records")}
         if len(own) == 2:
             reading = readings.read_walls(thesis.claims["insertion", "walls"], own)
@@ -64,17 +65,17 @@ def learnt_skills(sources: Sources) -> Section:
 def predictors(sources: Sources) -> Section:
     """Scores, reliability and heat maps of each domain's transfer model."""
     thesis = sources.chapter(CHAPTER)
-    made = {domain: tables.transfer_scores(sources.scores(domain), domain, thesis) for domain in sources.domains}
-    table = pd.concat(made.values(), ignore_index=True)
+    by_domain = {domain: tables.transfer_scores(sources.scores(domain), domain, thesis) for domain in sources.domains}
+    table = pd.concat(by_domain.values(), ignore_index=True)
     cell = {(row["method"], row["setting"], row["metric"]): row for row in table.to_dict("records")}
     keys = list(dict.fromkeys(zip(table["setting"], table["method"], strict=True)))
     rows = [
-        [spoken(setting), method.replace("_", " "), *(_score(cell.get((method, setting, m))) for m in SHOWN)]
+        [setting_label(setting), method.replace("_", " "), *(_score(cell.get((method, setting, m))) for m in METRICS)]
         for setting, method in keys
     ]
     parts: list[Part] = [
-        JUDGED,
-        *(readings.read_scores(own, "new_test", domain) for domain, own in made.items()),
+        PROTOCOL,
+        *(readings.read_scores(own, "new_test", domain) for domain, own in by_domain.items()),
         Sheet(
             "transfer_model",
             table,
@@ -108,12 +109,12 @@ def _maps(sources: Sources, domain: str) -> Picture:
     order, kinds = task_order(data)
     place = {int(task): rank for rank, task in enumerate(order)}
     skills = sorted(range(len(data.train_task)), key=lambda skill: place[int(data.train_task[skill])])
-    taught = data.train_task[skills]
+    tasks = data.train_task[skills]
     panels = {
         "simulated success rate": data.rate[skills][:, order],
-        "predicted probability": model.predict(data.features[taught], data.features[order]),
+        "predicted probability": model.predict(data.features[tasks], data.features[order]),
     }
-    rows = block_ticks([kinds[place[int(task)]] for task in taught])
+    rows = block_ticks([kinds[place[int(task)]] for task in tasks])
     figure = transfer_maps(panels, "taught task", "tested task", rows, block_ticks(kinds))
     caption = f"{domain}: every skill of the collected data on every task; most of these tasks were fitted."
     return Picture(f"transfer_{domain}", png(figure), caption)

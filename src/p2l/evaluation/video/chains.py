@@ -1,7 +1,7 @@
-"""A nominal failure and a learnt recovery side by side, from the same start, with the actions chosen as captions.
+"""A nominal failure and a recovery side by side, from the same start, with the actions as captions.
 
 On the left the nominal skills alone, which stop where a detector fires; on the right the whole robot (thesis, equation
-5.1): the same up to there, then the policy. Time is the same on both sides; who has ended waits for the other.
+5.1): the same up to there, then the policy. Time is the same on both sides; the shorter one ends with a still picture.
 
 Axis letters: F frames, H and W pixels.
 """
@@ -35,7 +35,7 @@ def film_side_by_side(
         file: `.mp4` to write.
         world: of the rows.
         failure: the nominal skills alone.
-        recovery: what the policy did, from where they failed; from the start where it does the whole task.
+        recovery: by the policy, from the failure; from the start where it does the whole task.
         options: of each side; `max_frames` counts the longer one.
         whole_task: see `recovery`.
 
@@ -46,20 +46,20 @@ def film_side_by_side(
     every = -(-length // options.max_frames)
     view = replace(world.view, lookat_m=world.view.lookat_m or _middle(world, failure.rows, recovery.rows))
     with Camera(world, replace(options, max_frames=length, hold_s=0.0), view) as camera:
-        left, after = (_captioned(camera, clip, every) for clip in (failure, recovery))
+        left, after = (_caption_frames(camera, clip, every) for clip in (failure, recovery))
     right = after if whole_task else left[:-1] + after
     fps = 1.0 / (every * world.engine.control_period_s)
     count = max(len(left), len(right)) + round(options.hold_s * fps)
     pairs = [(left[min(k, len(left) - 1)], right[min(k, len(right) - 1)]) for k in range(count)]
     save_video(file, np.stack([np.concatenate(pair, axis=1) for pair in pairs]), fps)
-    return f"{failure.told}; {recovery.told}: {', '.join(recovery.actions)}"
+    return f"{failure.ending}; {recovery.ending}: {', '.join(recovery.actions)}"
 
 
-def _captioned(camera: Camera, clip: Clip, every: int) -> list[Frames]:
-    """Frames of a clip; the last one says how it ended, framed in red where that is a failure."""
-    shown = [*range(0, len(clip.rows) - 1, every), len(clip.rows) - 1]
-    pictures, _ = camera.film(clip.rows.take(shown), failed=not clip.done)
-    texts = [*(clip.captions[step] for step in shown[:-1]), clip.told]
+def _caption_frames(camera: Camera, clip: Clip, every: int) -> list[Frames]:
+    """Frames of a clip; the caption of the last one is the ending, in a red frame where that is a failure."""
+    steps = [*range(0, len(clip.rows) - 1, every), len(clip.rows) - 1]
+    pictures, _ = camera.film(clip.rows.take(steps), failed=not clip.done)
+    texts = [*(clip.captions[step] for step in steps[:-1]), clip.ending]
     return [_with_band(picture, text) for picture, text in zip(pictures, texts, strict=True)]
 
 

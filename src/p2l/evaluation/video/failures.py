@@ -1,4 +1,4 @@
-"""Videos of recorded failures, with a note of what they show or why there is none."""
+"""Videos of recorded failures, with an index of what they show or the reason why there is none."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ def film(
         video: how.
     """
     empty_folder(folder)
-    shown = [
+    videos = [
         {"file": f"{name}.mp4", "option": option, "kind": kind, "episode": int(episode), "time_s": float(time_s)}
         for name, option, kind, episode, time_s in zip(
             names, failures.option_names(), failures.kind_names(), failures.episode, failures.time_s, strict=True
@@ -43,7 +43,7 @@ def film(
         log.warning("%s", error)
         skip(folder, str(error))
     else:
-        save_json(folder / INDEX, {"videos": shown, "skipped": None}, schema="videos", version=1)
+        save_json(folder / INDEX, {"videos": videos, "skipped": None}, schema="videos", version=1)
 
 
 def empty_folder(folder: Path) -> None:

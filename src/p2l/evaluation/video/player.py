@@ -1,6 +1,6 @@
 """Videos of executions: states drawn off screen by EGL, else OSMesa, and written as H.264.
 
-Without a GL nothing fails: `backend` says what to install, and who asked goes on without videos. Drawing in software
+Without a GL nothing fails: `backend` says what to install, and its caller continues without videos. Drawing in software
 takes 30 to 60 ms a frame of 320 × 240, so videos are small and show every few control steps, in real time.
 
 Axis letters: T control steps, F frames, H and W pixels.
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 Frames = npt.NDArray[np.uint8]
 BACKENDS = ("egl", "osmesa")
 INSTALL = "apt install libegl1 libgl1-mesa-dri (or libosmesa6)"
-ASKED = os.environ.get("MUJOCO_GL", "").strip().lower()  # as it was before robosuite, imported later, set it
+GL_CHOICE = os.environ.get("MUJOCO_GL", "").strip().lower()  # before robosuite, imported later, sets it
 _PROBE = "import mujoco.{0} as gl; context = gl.GLContext(8, 8); context.make_current(); context.free()"
 _RED = np.array([200, 40, 40], dtype=np.uint8)
 
@@ -70,27 +70,29 @@ def backend() -> str:
     Raises:
         NoGLError: none.
     """
-    if ASKED in ("0", "off", "false", "disable", "disabled"):
-        raise NoGLError(f"no videos: MUJOCO_GL={ASKED}; unset it to draw them")
-    tried: dict[str, str] = {}
-    for name in sorted(BACKENDS, key=lambda name: name != ASKED):
+    if GL_CHOICE in ("0", "off", "false", "disable", "disabled"):
+        raise NoGLError(f"no videos: MUJOCO_GL={GL_CHOICE}; unset it to draw them")
+    problems: dict[str, str] = {}
+    for name in sorted(BACKENDS, key=lambda name: name != GL_CHOICE):
         if (problem := _probe(name)) is None:
             return name
-        tried[name] = problem
-    told = "; ".join(f"{name}: {problem}" for name, problem in tried.items())
-    raise NoGLError(f"no videos: neither EGL nor OSMesa can draw here ({told}). To have them: {INSTALL}")
+        problems[name] = problem
+    reasons = "; ".join(f"{name}: {problem}" for name, problem in problems.items())
+    raise NoGLError(f"no videos: neither EGL nor OSMesa can draw here ({reasons}). To have them: {INSTALL}")
 
 
 def _probe(name: str) -> str | None:
     """What goes wrong with a library, or None."""
-    known = {key: value for key, value in os.environ.items() if key not in ("PYOPENGL_PLATFORM", "MUJOCO_GL")}
+    environment = {key: value for key, value in os.environ.items() if key not in ("PYOPENGL_PLATFORM", "MUJOCO_GL")}
     command = [sys.executable, "-c", _PROBE.format(name)]
     try:
-        done = subprocess.run(command, env=known | {"MUJOCO_GL": name}, capture_output=True, text=True, timeout=60)
+        process = subprocess.run(
+            command, env=environment | {"MUJOCO_GL": name}, capture_output=True, text=True, timeout=60
+        )
     except subprocess.TimeoutExpired:
         return "no answer in 60 s"
-    lines = [line for line in done.stderr.splitlines() if line.strip() and not line.startswith(("Exception", " "))]
-    return None if done.returncode == 0 else (lines[-1][:120] if lines else f"exit code {done.returncode}")
+    lines = [line for line in process.stderr.splitlines() if line.strip() and not line.startswith(("Exception", " "))]
+    return None if process.returncode == 0 else (lines[-1][:120] if lines else f"exit code {process.returncode}")
 
 
 class Camera:
@@ -132,13 +134,13 @@ class Camera:
         """[F, H, W, 3] of the rows [T] of one execution, in order, the last one included; and frames per second."""
         every = -(-len(path) // self.options.max_frames)
         fps = 1.0 / (every * self.world.engine.control_period_s)
-        chosen = [*range(0, len(path) - 1, every), len(path) - 1]
+        steps = [*range(0, len(path) - 1, every), len(path) - 1]
         grip = self.world.engine.sensor_columns["grip_pos"]
         way = path.sensors[:, grip]
         lookat = np.asarray(self.view.lookat_m or 0.5 * (way.min(axis=0) + way.max(axis=0)))
-        frames = [self._draw(path.states[step], int(path.model[step]), lookat) for step in chosen]
+        frames = [self._draw(path.states[step], int(path.model[step]), lookat) for step in steps]
         if failed:
-            frames[-1] = _framed(frames[-1])
+            frames[-1] = _with_red_edge(frames[-1])
         return np.stack(frames + [frames[-1]] * round(self.options.hold_s * fps)), fps
 
     def _draw(self, state: Array, model: int, lookat: Array) -> Frames:
@@ -146,7 +148,9 @@ class Camera:
 
         if model not in self._drawers:
             size = self.options.width, self.options.height
-            self._drawers[model] = Drawer(self.world.engine, self.world.drawn(model), *size, self.options.samples)
+            self._drawers[model] = Drawer(
+                self.world.engine, self.world.visual_model(model), *size, self.options.samples
+            )
         view = self.view
         return self._drawers[model].draw(state, lookat, view.azimuth_deg, view.elevation_deg, view.distance_m)
 
@@ -179,8 +183,8 @@ def play(world: World, paths: Sequence[Rows], files: Sequence[Path], options: Vi
             save_video(file, *camera.film(path, failed=failed))
 
 
-def _framed(frame: Frames) -> Frames:
-    framed = frame.copy()
+def _with_red_edge(frame: Frames) -> Frames:
+    picture = frame.copy()
     for edge in (np.s_[:4], np.s_[-4:], np.s_[:, :4], np.s_[:, -4:]):
-        framed[edge] = _RED
-    return framed
+        picture[edge] = _RED
+    return picture

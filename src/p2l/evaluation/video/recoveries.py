@@ -24,17 +24,17 @@ def film_recoveries(folder: Path, world: World, clips: ModeClips, video: VideoOp
     Args:
         folder: emptied of videos first.
         world: where.
-        clips: what is shown.
+        clips: to show.
         video: how.
     """
     empty_folder(folder)
-    shown: list[dict[str, Any]] = []
+    videos: list[dict[str, Any]] = []
     for place, mode in enumerate(clips.modes):
         before = {"file": f"mode_{mode}_before.mp4", "mode": mode, "moment": "before", "told": clips.kinds[place]}
-        shown.append(before)
+        videos.append(before)
         if clips.skills[place]:
             way = {"told": ", ".join(clips.skills[place]), "solved": clips.solved[place]}
-            shown.append({"file": f"mode_{mode}_after.mp4", "mode": mode, "moment": "after", **way})
+            videos.append({"file": f"mode_{mode}_after.mp4", "mode": mode, "moment": "after", **way})
     try:
         play(world, clips.before, [folder / f"mode_{mode}_before.mp4" for mode in clips.modes], video, failed=True)
         for place, mode in enumerate(clips.modes):
@@ -45,4 +45,4 @@ def film_recoveries(folder: Path, world: World, clips: ModeClips, video: VideoOp
         log.warning("%s", error)
         skip(folder, str(error))
     else:
-        save_json(folder / INDEX, {"videos": shown, "skipped": None}, schema="videos", version=1)
+        save_json(folder / INDEX, {"videos": videos, "skipped": None}, schema="videos", version=1)

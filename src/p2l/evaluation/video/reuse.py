@@ -1,13 +1,15 @@
-"""A video of the most novel reuse of a nominal option that paid (figure 5.9): the failure beside its recovery."""
+"""A video of the most novel successful reuse of a nominal option (figure 5.9): the failure beside its recovery."""
 
 from __future__ import annotations
 
 import logging
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from p2l.artifacts import save_json
 from p2l.contracts.world import World
+from p2l.errors import ArtifactError
 from p2l.evaluation.video.chains import film_side_by_side
 from p2l.evaluation.video.failures import INDEX, empty_folder, skip
 from p2l.evaluation.video.player import NoGLError, VideoOptions
@@ -21,26 +23,28 @@ NONE = "no option was started outside the states in which it begins in nominal e
 
 
 def film_reuse(
-    folder: Path, world: World, novel: Novel, failure: Clip, recovery: Clip, video: VideoOptions
+    folder: Path, world: World, novel: Novel | None, clips: Callable[[Novel], tuple[Clip, Clip]], video: VideoOptions
 ) -> list[Path]:
-    """Write `reuse.mp4`, and `videos.json`, which says what it shows; without a GL only that, with the reason.
+    """Write `reuse.mp4`, and `videos.json`, which says what it shows; or only the latter, with the reason.
 
     Args:
         folder: emptied of videos first.
         world: where.
-        novel: what is shown.
-        failure: the nominal skills.
-        recovery: that reused one of them.
+        novel: what is shown; None: there is nothing to show.
+        clips: makes the failure and the recovery.
         video: how.
     """
     empty_folder(folder)
+    if novel is None:
+        skip(folder, NONE)
+        return []
     file = folder / "reuse.mp4"
     try:
-        told = film_side_by_side(file, world, failure, recovery, video)
-    except NoGLError as error:
+        caption = film_side_by_side(file, world, *clips(novel), video)
+    except (NoGLError, ArtifactError) as error:  # nothing to draw with, or a policy whose weights were not kept
         log.warning("%s", error)
         skip(folder, str(error))
         return []
-    shown = {"file": file.name, "option": novel.option, "off": round(novel.off, 3), "seed": novel.seed, "told": told}
-    save_json(folder / INDEX, {"videos": [shown], "skipped": None}, schema="videos", version=1)
+    entry = {"file": file.name, "option": novel.option, "off": round(novel.off, 3), "seed": novel.seed, "told": caption}
+    save_json(folder / INDEX, {"videos": [entry], "skipped": None}, schema="videos", version=1)
     return [file]

@@ -1,4 +1,4 @@
-"""Bandits over recoveries, for comparison: they see what each round brought, but know no graph and no trend.
+"""Bandits over recoveries, for comparison: they use the reward of each round, but no graph and no trend.
 
 The reward of a round is its rise in the value of failures, as a share of the rise that perfect recoveries would bring.
 Rewards then lie in [0, 1] and add up to the objective: a bandit that maximises their sum does what MetaReSkill does.
@@ -26,10 +26,9 @@ def ucb1(exploration: float = math.sqrt(2.0)) -> Rule:
     check_number("ucb1: exploration", exploration, low=0.0)
 
     def rule(graph: SkillGraph, history: History, rng: np.random.Generator) -> Choice:
-        count = history.trained
-        pulled = np.maximum(count, 1)
-        bonus = exploration * np.sqrt(math.log(max(len(history), 1)) / pulled)
-        scores = np.where(count > 0, _rewards(graph, history) / pulled + bonus, np.inf)
+        pulls = np.maximum(history.counts, 1)
+        bonus = exploration * np.sqrt(math.log(max(len(history), 1)) / pulls)
+        scores = np.where(history.counts > 0, _rewards(graph, history) / pulls + bonus, np.inf)
         return best_of(scores, history, rng, "highest upper bound of reward", tie=0.0)
 
     return rule
@@ -49,9 +48,9 @@ def thompson(prior: float = 1.0) -> Rule:
     check_number("thompson: prior", prior, low=0.0, strict=True)
 
     def rule(graph: SkillGraph, history: History, rng: np.random.Generator) -> Choice:
-        won = _rewards(graph, history)
-        drawn = rng.beta(prior + won, prior + history.trained - won)
-        return best_of(drawn, history, rng, "highest draw of reward", tie=0.0)
+        rewards = _rewards(graph, history)
+        draws = rng.beta(prior + rewards, prior + history.counts - rewards)
+        return best_of(draws, history, rng, "highest draw of reward", tie=0.0)
 
     return rule
 

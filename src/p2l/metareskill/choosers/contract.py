@@ -56,14 +56,14 @@ class Chooser:
 
     def __call__(self, graph: SkillGraph, history: History, rng: np.random.Generator) -> Choice:
         """The next recovery; `graph` holds the best success rates so far."""
-        if history.trained.min() < self.initial_rounds:
+        if history.counts.min() < self.initial_rounds:
             return least_trained(history, "initial round")
         return self.rule(graph, history, rng)
 
 
 def least_trained(history: History, reason: str) -> Choice:
     """The recovery that got the fewest rounds, the first of them in the order of modes and targets."""
-    return _choice(int(history.trained.argmin()), history, reason)
+    return _choice(int(history.counts.argmin()), history, reason)
 
 
 def best_of(scores: Array, history: History, rng: np.random.Generator, reason: str, tie: float = TIE) -> Choice:

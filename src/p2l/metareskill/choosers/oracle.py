@@ -28,11 +28,11 @@ def best_plan(graph: SkillGraph, curves: Array, budget: int) -> IntArray:
     _, rounds = _solve(graph, curves, budget)
     target = _gains(graph, curves, budget).argmax(axis=1)  # [I, budget + 1]
     plan = np.zeros(graph.q.shape, dtype=np.int64)
-    left = budget
+    rest = budget
     for mode in reversed(range(len(plan))):
-        spent = int(rounds[mode, left])
-        plan[mode, target[mode, spent]] = spent
-        left -= spent
+        count = int(rounds[mode, rest])
+        plan[mode, target[mode, count]] = count
+        rest -= count
     return plan
 
 
@@ -52,13 +52,13 @@ def oracle(curves: Array | None = None, budget: int = 0) -> Rule:
     if curves is None:
         raise ConfigError("oracle: no curves given; it plans on recorded ones [I, M, L], and on the budget in rounds")
     check_number("oracle: budget", budget, low=1, whole=True)
-    known = freeze("curves", curves, ("I", "M", "L"), {}, low=0.0, high=1.0)
+    rates = freeze("curves", curves, ("I", "M", "L"), {}, low=0.0, high=1.0)
 
     def rule(graph: SkillGraph, history: History, _rng: np.random.Generator) -> Choice:
         start = graph.with_q(history.initial)
-        plan = best_plan(start, known, budget)
-        gains = np.take_along_axis(_gains(start, known, budget), plan[..., None], axis=2)[..., 0]
-        rate = np.where(plan > history.trained, gains / np.maximum(plan, 1), -1.0)
+        plan = best_plan(start, rates, budget)
+        gains = np.take_along_axis(_gains(start, rates, budget), plan[..., None], axis=2)[..., 0]
+        rate = np.where(plan > history.counts, gains / np.maximum(plan, 1), -1.0)
         if rate.max() < 0.0:
             return least_trained(history, "nothing left to gain")
         mode, target = np.unravel_index(int(rate.argmax()), rate.shape)
@@ -69,12 +69,12 @@ def oracle(curves: Array | None = None, budget: int = 0) -> Rule:
 
 def _gains(graph: SkillGraph, curves: Array, budget: int) -> Array:
     """[I, M, budget + 1] rise of the value of failures if recovery (i, j) alone gets 0 … budget rounds."""
-    known = freeze("curves", curves, ("I", "M", "L"), dict(zip("IM", graph.q.shape, strict=True)), low=0.0, high=1.0)
-    best = np.maximum.accumulate(np.concatenate([graph.q[..., None], known], axis=2), axis=2)
+    rates = freeze("curves", curves, ("I", "M", "L"), dict(zip("IM", graph.q.shape, strict=True)), low=0.0, high=1.0)
+    best = np.maximum.accumulate(np.concatenate([graph.q[..., None], rates], axis=2), axis=2)
     q = best[:, :, np.minimum(np.arange(budget + 1), best.shape[2] - 1)]
     values = value_iteration(graph)
-    reached = np.moveaxis(recovery_values(graph, values.targets, np.moveaxis(q, 2, 0)), 0, 2)
-    rise = np.maximum(reached - values.modes[:, None, None], 0.0)
+    worth = np.moveaxis(recovery_values(graph, values.targets, np.moveaxis(q, 2, 0)), 0, 2)
+    rise = np.maximum(worth - values.modes[:, None, None], 0.0)
     return np.asarray(graph.share[:, None, None] * rise)
 
 
@@ -83,9 +83,9 @@ def _solve(graph: SkillGraph, curves: Array, budget: int) -> tuple[Array, IntArr
     gains = _gains(graph, curves, budget).max(axis=1)  # [I, budget + 1]
     total = np.zeros(budget + 1)
     rounds = np.zeros(gains.shape, dtype=np.int64)
-    left = np.arange(budget + 1)[:, None] - np.arange(budget + 1)  # [b, c]: what c of b rounds leave to the others
+    rest = np.arange(budget + 1)[:, None] - np.arange(budget + 1)  # [b, c]: what c of b rounds leave to the others
     for mode, gain in enumerate(gains):
-        reached = np.where(left >= 0, total[np.maximum(left, 0)] + gain, -np.inf)
-        rounds[mode] = reached.argmax(axis=1)
-        total = reached.max(axis=1)
+        totals = np.where(rest >= 0, total[np.maximum(rest, 0)] + gain, -np.inf)
+        rounds[mode] = totals.argmax(axis=1)
+        total = totals.max(axis=1)
     return float(value_iteration(graph).modes @ graph.share) + total, rounds

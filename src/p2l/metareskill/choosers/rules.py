@@ -30,10 +30,10 @@ def metareskill(window: int = 3, confidence: float = 0.95, tie: float = TIE) -> 
 
     def rule(graph: SkillGraph, history: History, rng: np.random.Generator) -> Choice:
         q_upper = improvement(history, window=window, confidence=confidence).q_upper
-        predicted = predicted_value(graph, q_upper)
-        choice = best_of(predicted, history, rng, "highest predicted value", tie)
+        prediction = predicted_value(graph, q_upper)
+        choice = best_of(prediction, history, rng, "highest predicted value", tie)
         pair = choice.mode, choice.target
-        return dataclasses.replace(choice, q_upper=float(q_upper[pair]), predicted=float(predicted[pair]))
+        return dataclasses.replace(choice, q_upper=float(q_upper[pair]), predicted=float(prediction[pair]))
 
     return rule
 
@@ -47,8 +47,8 @@ def weighted_round_robin() -> Rule:
     """Train each mode in proportion to its size, and the targets of a mode in turn."""
 
     def rule(graph: SkillGraph, history: History, _rng: np.random.Generator) -> Choice:
-        due = graph.share * (len(history) + 1) - history.trained.sum(axis=1)
+        due = graph.share * (len(history) + 1) - history.counts.sum(axis=1)
         mode = int(due.argmax())
-        return Choice(mode, int(history.trained[mode].argmin()), "mode furthest behind its share")
+        return Choice(mode, int(history.counts[mode].argmin()), "mode furthest behind its share")
 
     return rule

@@ -42,7 +42,7 @@ def make_chooser(name: str, params: Mapping[str, Any] | None = None) -> Chooser:
         2
     """
     settings = dict(params or {})
-    factory = CHOOSERS.checked(name, settings, also=["initial_rounds"])
+    factory = CHOOSERS.factory_for(name, settings, also=["initial_rounds"])
     initial_rounds = settings.pop("initial_rounds", 0)
     check_number(f"{name}: initial_rounds", initial_rounds, low=0, whole=True)
     return Chooser(name, factory(**settings), initial_rounds)

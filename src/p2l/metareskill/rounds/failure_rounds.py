@@ -22,7 +22,7 @@ from p2l.metareskill.learn import Setting, train_recoveries
 from p2l.metareskill.ledger import Ledger
 from p2l.metareskill.loop import check_budget
 from p2l.metareskill.record import Recoveries, collect, save_recoveries
-from p2l.metareskill.rounds.iterate import Field, continued, execute, extended, group, grown, lost
+from p2l.metareskill.rounds.iterate import Field, execute, extend, extend_graph, extend_history, group, lost
 from p2l.metareskill.train import Trainer
 from p2l.seeding import entropy, generator
 
@@ -32,7 +32,7 @@ PATH = "iterate_recoveries"
 
 @dataclass(frozen=True)
 class Budget:
-    """How much is done.
+    """Numbers of rounds, trainings and episodes.
 
     Attributes:
         failure_rounds: of learning.
@@ -58,7 +58,7 @@ class Budget:
             ConfigError: too few rounds.
         """
         for number in range(self.failure_rounds):
-            largest = grown(graph, np.ones(number * self.max_modes))
+            largest = extend_graph(graph, np.ones(number * self.max_modes))
             check_budget(largest, chooser, (number + 1) * self.rounds, self.episodes)
 
 
@@ -68,15 +68,15 @@ class Iteration:
 
     Attributes:
         field: where episodes are run.
-        chooser: decides what is trained.
-        budget: how much is done.
+        chooser: decides which recovery is trained.
+        budget: of all rounds.
         origin: of the failures before any learning.
         base: seed of discovery, of success and of grouping.
         seed: of training.
         folder: everything is kept there.
-        known: ledger of the first round's queries, only read; None: there is none.
+        ledger: of the first round's queries, only read; None: there is none.
         code: see `learn.Setting.trainer`.
-        show: told after each round of training.
+        show: called after each round of training.
     """
 
     field: Field
@@ -86,14 +86,14 @@ class Iteration:
     base: int
     seed: int
     folder: Path
-    known: Path | None
+    ledger: Path | None
     code: str
     show: Callable[[int], None]
 
     def run(self, setting: Setting) -> Iterator[dict[str, Any]]:
         """A row for `recovery_iterations.success_table` before any learning, and one after each failure round."""
         yield self._row(0, setting, None)
-        budget, found = self.budget, len(setting.failures.mode)
+        budget, count = self.budget, len(setting.failures.mode)
         trainer: Trainer | None = None
         history: History | None = None
         for number in range(1, budget.failure_rounds + 1):
@@ -104,46 +104,48 @@ class Iteration:
                 self.chooser,
                 rounds=number * budget.rounds,
                 episodes=budget.episodes,
-                history=None if history is None else continued(history, setting),
+                history=None if history is None else extend_history(history, setting),
                 report=lambda _: self.show(1),
             )
-            learnt = collect(trainer, setting.modes, setting.graph, history, budget.episodes)
+            recoveries = collect(trainer, setting.modes, setting.graph, history, budget.episodes)
             folder = self.folder / f"round_{number}"
             save_modes(folder / "modes.npz", setting.modes)
-            save_recoveries(folder / "recoveries.npz", learnt)
-            yield self._row(number, setting, learnt, queries=len(history) * budget.episodes, found=found)
+            save_recoveries(folder / "recoveries.npz", recoveries)
+            yield self._row(number, setting, recoveries, queries=len(history) * budget.episodes, found=count)
             if number < budget.failure_rounds:
-                train, held_out = (self._new(number, setting, learnt, split) for split in SPLITS)
+                train, held_out = (self._new(number, setting, recoveries, split) for split in SPLITS)
                 grouping = entropy(self.base, PATH, "cluster", self.seed, number)
                 if (more := group(self.field.task, train, held_out, budget.max_modes, grouping)) is None:
                     log.warning("seed %d: round %d left too few failures; it was the last", self.seed, number)
                     return
-                setting, found = extended(setting, train, held_out, more), len(train)
+                setting, count = extend(setting, train, held_out, more), len(train)
 
     def _trainer(self, number: int, setting: Setting, before: Trainer | None) -> Trainer:
-        """Knows what was asked in the rounds before."""
+        """The trainer of a round; its ledger holds the queries of the rounds before."""
         trainer = setting.trainer(self.seed, self.folder / f"round_{number}" / "ledger.npz", self.code)
         if before is not None:
             trainer.ledger.entries = before.ledger.entries | trainer.ledger.entries
-        elif self.known is not None:
-            known = Ledger.open(self.known, trainer.ledger.identity)
-            trainer.ledger.entries = known.entries | trainer.ledger.entries
+        elif self.ledger is not None:
+            first = Ledger.open(self.ledger, trainer.ledger.identity)
+            trainer.ledger.entries = first.entries | trainer.ledger.entries
         return trainer
 
-    def _row(self, number: int, setting: Setting, learnt: Recoveries | None, **counts: int) -> dict[str, Any]:
+    def _row(self, number: int, setting: Setting, recoveries: Recoveries | None, **counts: int) -> dict[str, Any]:
         """Success from the same starts in every round."""
         world = self.field.task.world
         rng = generator(self.base, PATH, world.name, "development", self.seed)
         starts, ties = world.sample(rng, self.budget.development), generator(self.base, PATH, "ties", self.seed)
-        done = execute(self.field, "no_recovery" if learnt is None else "recoveries", starts, setting, learnt, ties)
+        execution = execute(
+            self.field, "no_recovery" if recoveries is None else "recoveries", starts, setting, recoveries, ties
+        )
         row = {"round": number, "seed": self.seed, "queries": 0, "modes": len(setting.modes), "found": 0} | counts
-        return row | {"episodes": int((~done.diverged).sum()), "successes": int(done.success.sum())}
+        return row | {"episodes": int((~execution.diverged).sum()), "successes": int(execution.success.sum())}
 
-    def _new(self, number: int, setting: Setting, learnt: Recoveries, split: str) -> Failures:
+    def _new(self, number: int, setting: Setting, recoveries: Recoveries, split: str) -> Failures:
         """Failures of episodes with the recoveries in place."""
         path = self.base, PATH, self.field.task.world.name, split, self.seed, number
         starts = self.field.task.world.sample(generator(*path), getattr(self.budget, split))
-        done = execute(self.field, "recoveries", starts, setting, learnt, generator(*path, "ties"))
-        failures = lost(self.field, starts, done, self.origin, split, self.base)
+        execution = execute(self.field, "recoveries", starts, setting, recoveries, generator(*path, "ties"))
+        failures = lost(self.field, starts, execution, self.origin, split, self.base)
         save_failures(self.folder / f"round_{number}" / f"failures_{split}.npz", failures)
         return failures

@@ -4,7 +4,7 @@ Where the thesis is silent:
 1. A new failure is the first state of an episode after a recovery in which no precondition, as learnt, holds on the
    truth. The estimator halves its error after every skill, as where recoveries are evaluated.
 2. New failures are grouped by themselves, and their modes come after the earlier ones. Failures keep the modes that
-   they have, so all that was asked of them stays valid: ledger and history go on, and new recoveries get the chooser's
+   they have, so their queries stay valid: ledger and history go on, and new recoveries get the chooser's
    initial rounds. Which mode a robot is in is then decided among all of them, weighted by their failures.
 3. BIC chooses the number of new modes, and there are fewer where one would have no held-out failure.
 
@@ -54,21 +54,21 @@ class Field:
 
 
 def execute(
-    field: Field, strategy: str, starts: Rows, setting: Setting, learnt: Recoveries | None, rng: np.random.Generator
+    field: Field, strategy: str, starts: Rows, setting: Setting, recoveries: Recoveries | None, rng: np.random.Generator
 ) -> Execution:
-    """Run one episode from each of `starts` [N]; `learnt` is what strategy `recoveries` recovers with."""
-    found = playbook(
+    """Run one episode from each of `starts` [N]; strategy `recoveries` needs its skills."""
+    policy = playbook(
         strategy,
         field.task,
         field.nominal,
-        setting.graph if learnt is None else learnt.graph,
+        setting.graph if recoveries is None else recoveries.graph,
         setting.options.timing,
         rng,
         modes=setting.modes,
-        skills=None if learnt is None else learnt.skills,
+        skills=None if recoveries is None else recoveries.skills,
         max_options=field.max_options,
     )
-    return run(field.task.world, found.options, starts, choose=found.choose, stop_on_failure=False, slots=field.slots)
+    return run(field.task.world, policy.options, starts, choose=policy.choose, stop_on_failure=False, slots=field.slots)
 
 
 def lost(field: Field, starts: Rows, execution: Execution, first: Origin, split: str, seed: int) -> Failures:
@@ -109,14 +109,14 @@ def group(task: RecoveryTask, train: Failures, held_out: Failures, max_modes: in
     if not len(held_out):
         return None
     while limit:
-        found = cluster(task.world, train, ClusterOptions(None, limit), seed % 2**32)
-        if len(np.unique(found.modes.classify(held_out.truth)[0])) == len(found.modes):
-            return found
-        limit = len(found.modes) - 1
+        clustering = cluster(task.world, train, ClusterOptions(None, limit), seed % 2**32)
+        if len(np.unique(clustering.modes.classify(held_out.truth)[0])) == len(clustering.modes):
+            return clustering
+        limit = len(clustering.modes) - 1
     return None
 
 
-def joined(first: ModeClassifier, more: ModeClassifier) -> ModeClassifier:
+def join(first: ModeClassifier, more: ModeClassifier) -> ModeClassifier:
     """One classifier of the modes of both, `more`'s after those of `first`; features are scaled as in `first`."""
     share = np.array([first.sizes.sum(), more.sizes.sum()]) / (first.sizes.sum() + more.sizes.sum())
     scale = more.spread / first.spread
@@ -130,23 +130,23 @@ def joined(first: ModeClassifier, more: ModeClassifier) -> ModeClassifier:
     )
 
 
-def extended(setting: Setting, train: Failures, held_out: Failures, more: Clustering) -> Setting:
+def extend(setting: Setting, train: Failures, held_out: Failures, more: Clustering) -> Setting:
     """The setting with new failures and their modes; the graph is that before any training."""
     count = len(setting.modes)
     failures = _with(setting.failures, train.rows, more.mode + count)
     tests = _with(setting.held_out, held_out.rows, more.modes.classify(held_out.truth)[0] + count)
-    graph = grown(setting.graph, np.bincount(more.mode, minlength=len(more.modes)))
-    modes = joined(setting.modes, more.modes)
+    graph = extend_graph(setting.graph, np.bincount(more.mode, minlength=len(more.modes)))
+    modes = join(setting.modes, more.modes)
     return dataclasses.replace(setting, modes=modes, failures=failures, held_out=tests, graph=graph)
 
 
-def grown(graph: SkillGraph, sizes: npt.ArrayLike) -> SkillGraph:
+def extend_graph(graph: SkillGraph, sizes: npt.ArrayLike) -> SkillGraph:
     """The graph before any training with more modes of `sizes`."""
     all_of = np.append(graph.sizes, np.asarray(sizes, dtype=np.float64))
     return dataclasses.replace(graph, sizes=all_of, q=np.zeros((len(all_of), graph.q.shape[1])))
 
 
-def continued(history: History, setting: Setting) -> History:
+def extend_history(history: History, setting: Setting) -> History:
     """The same rounds in the graph with more modes."""
     return History(setting.graph.q, history.rounds, history.generator)
 

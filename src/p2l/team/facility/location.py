@@ -36,6 +36,14 @@ def solve_facility_location(
         ShapeError: no facility or no demand, a wrong shape, a cost that is complex, NaN, infinite, negative or
             above 1e100.
         ConfigError: a time limit of zero or less, or a gap outside [0, 1).
+
+    Example:
+        >>> import numpy as np
+        >>> from p2l import solve_facility_location
+        >>> opening, service = np.array([4.0, 3.0]), np.array([[1.0, 5.0], [2.0, 2.0], [6.0, 1.0]])
+        >>> solution = solve_facility_location(opening, service)
+        >>> solution.open.tolist(), solution.assignment.tolist(), solution.cost, solution.status
+        ([False, True], [1, 1, 1], 11.0, 'optimal')
     """
     if not time_limit_s > 0.0:
         raise ConfigError(f"time_limit_s: {time_limit_s} given; it must be above 0")

@@ -72,16 +72,16 @@ def find(names: str | int | Sequence[str | int]) -> tuple[Handle, ...]:
     Raises:
         ConfigError: an unknown one, or none.
     """
-    listed = [names] if isinstance(names, str | int) else list(names)
-    if unknown := [str(name) for name in listed if str(name) not in HANDLES]:
+    keys = [names] if isinstance(names, str | int) else list(names)
+    if unknown := [str(name) for name in keys if str(name) not in HANDLES]:
         raise ConfigError(f"door: unknown handle {', '.join(unknown)}; known handles: {', '.join(HANDLES)}")
-    if not listed:
+    if not keys:
         raise ConfigError(f"door: handle is an empty list; known handles: {', '.join(HANDLES)}")
-    return tuple(HANDLES[str(name)] for name in listed)
+    return tuple(HANDLES[str(name)] for name in keys)
 
 
 def shape(handle: Handle) -> Callable[[mujoco.MjSpec], None]:
-    """The edit that gives robosuite's door this handle, in what is simulated and in what is drawn."""
+    """The edit that gives robosuite's door this handle, in its collision geom and in its visual one."""
 
     def edit(spec: mujoco.MjSpec) -> None:
         for geom in spec.geoms:

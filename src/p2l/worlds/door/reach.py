@@ -32,24 +32,25 @@ def start_posture(scene: Scene, pos: Array, quat: Array, open_rad: float) -> tup
         quat: [N, 4] of these.
         open_rad: how far the doors are opened.
     """
-    missing = list(range(len(pos)))
+    fewest = list(range(len(pos)))
     for sign in (1.0, -1.0):
-        held, grasp, into = grasp_pose(pos, quat, sign)
-        start = reach(scene, (held - START_AWAY_M * into)[0], grasp[0])
+        grasp_pos, grasp_quat, into = grasp_pose(pos, quat, sign)
+        start = reach(scene, (grasp_pos - START_AWAY_M * into)[0], grasp_quat[0])
         if start is None:
             continue
-        ways = _ways(pos, quat, held, grasp, into, open_rad)
-        left = [row for row in range(len(pos)) if not _follows(scene, start, [(p[row], q[row]) for p, q in ways])]
-        if not left:
+        ways = _ways(pos, quat, grasp_pos, grasp_quat, into, open_rad)
+        paths = [[(pos[row], quat[row]) for pos, quat in ways] for row in range(len(pos))]
+        unreachable = [row for row, path in enumerate(paths) if not _follows(scene, start, path)]
+        if not unreachable:
             return sign, start
-        missing = min(missing, left, key=len)
-    return missing
+        fewest = min(fewest, unreachable, key=len)
+    return fewest
 
 
 def hold_posture(scenes: Sequence[Scene], start: Array) -> None:
     """Weak springs draw the arm's joints to `start` [J], rad.
 
-    The models change in place: the start is known only once an engine has told where the handles are.
+    The models change in place: the start follows from where an engine has the handles.
     """
     for scene in scenes:
         for name, rest in zip(scene.arm_joints, start, strict=True):
@@ -59,23 +60,23 @@ def hold_posture(scenes: Sequence[Scene], start: Array) -> None:
 
 
 def _ways(
-    pos: Array, quat: Array, held: Array, grasp: Array, into: Array, open_rad: float
+    pos: Array, quat: Array, grasp_pos: Array, grasp_quat: Array, into: Array, open_rad: float
 ) -> tuple[tuple[Array, Array], ...]:
-    """Poses of the hand that grasps, has turned the handle, and has opened the door."""
+    """Poses of the hand at the grasp, at the end of the handle's turn, and at the open door."""
     down = poses.about(into, np.full(len(pos), np.pi / 2))
     swing = poses.about([0.0, 0.0, 1.0], np.full(len(pos), open_rad))
     axis, hinge = axis_of(pos, quat), hinge_of(pos, quat)
-    turned = axis + poses.rotate(down, held - axis)
-    turned_quat = down * poses.rotation(grasp)
-    opened = hinge + poses.rotate(swing, turned - hinge)
-    return (held, grasp), (turned, poses.quat(turned_quat)), (opened, poses.quat(swing * turned_quat))
+    turn_pos = axis + poses.rotate(down, grasp_pos - axis)
+    turn_quat = down * poses.rotation(grasp_quat)
+    open_pos = hinge + poses.rotate(swing, turn_pos - hinge)
+    return (grasp_pos, grasp_quat), (turn_pos, poses.quat(turn_quat)), (open_pos, poses.quat(swing * turn_quat))
 
 
 def _follows(scene: Scene, start: Array, way: list[tuple[Array, Array]]) -> bool:
     before = start
     for pos, quat in way:
-        found = reach(scene, pos, quat, starts=(before,), restarts=0)
-        if found is None or np.abs(found - before).max() > BRANCH_RAD:
+        posture = reach(scene, pos, quat, starts=(before,), restarts=0)
+        if posture is None or np.abs(posture - before).max() > BRANCH_RAD:
             return False
-        before = found
+        before = posture
     return True

@@ -1,7 +1,7 @@
 """Reach-and-grasp, rotate-handle and pull-handle: waypoints fixed at an option's start (thesis, section 4.4).
 
-Assumed known, whatever the handle: the geometry of the nominal one, that is how far from the point whose noisy
-position is seen its axis and the door's hinge are. The options see the handle's position with the estimator's error,
+Assumed, whatever the handle: the geometry of the nominal one, that is how far its axis and the door's hinge are from
+the point whose noisy position is observed. The options observe the handle's position with the estimator's error,
 its orientation (with it the angles of latch and hinge), and where the hand and its target are.
 """
 
@@ -43,20 +43,21 @@ class Motion:
 def options(finger_sign: float, motion: Motion = Motion()) -> tuple[Follow, ...]:
     """The nominal chain of an arm that grasps with the fingers that way round (+1 or −1)."""
 
-    def reach(seen: Observation) -> Waypoints:
-        pos, quat, into = grasp_pose(seen["handle_pos_m"], seen["handle_quat"], finger_sign)
+    def reach(observation: Observation) -> Waypoints:
+        pos, quat, into = grasp_pose(observation["handle_pos_m"], observation["handle_quat"], finger_sign)
         pos = pos + motion.above_m * np.asarray(UP)
         way = np.stack([pos - motion.before_m * into, pos, pos], axis=1)
-        return Waypoints(way, np.repeat(quat[:, None], 3, axis=1), np.tile([0.0, 0.0, 1.0], (len(seen), 1)))
+        return Waypoints(way, np.repeat(quat[:, None], 3, axis=1), np.tile([0.0, 0.0, 1.0], (len(observation), 1)))
 
-    def rotate(seen: Observation) -> Waypoints:
-        centre = axis_of(seen["handle_pos_m"], seen["handle_quat"])
-        into = poses.rotate(poses.rotation(seen["handle_quat"]), [0.0, 1.0, 0.0])
-        return _arc(seen, centre, into, motion.latch_rad - seen["latch_rad"][:, 0], 3)
+    def rotate(observation: Observation) -> Waypoints:
+        centre = axis_of(observation["handle_pos_m"], observation["handle_quat"])
+        into = poses.rotate(poses.rotation(observation["handle_quat"]), [0.0, 1.0, 0.0])
+        return _arc(observation, centre, into, motion.latch_rad - observation["latch_rad"][:, 0], 3)
 
-    def pull(seen: Observation) -> Waypoints:
-        centre = hinge_of(seen["handle_pos_m"], seen["handle_quat"])
-        return _arc(seen, centre, np.tile(UP, (len(seen), 1)), motion.hinge_rad - seen["hinge_rad"][:, 0], 2)
+    def pull(observation: Observation) -> Waypoints:
+        centre = hinge_of(observation["handle_pos_m"], observation["handle_quat"])
+        angle = motion.hinge_rad - observation["hinge_rad"][:, 0]
+        return _arc(observation, centre, np.tile(UP, (len(observation), 1)), angle, 2)
 
     return (
         Follow("reach_and_grasp", reach, (8, 10, 6), (0, 2, 6), can_reach),
@@ -65,15 +66,16 @@ def options(finger_sign: float, motion: Motion = Motion()) -> tuple[Follow, ...]
     )
 
 
-def _arc(seen: Observation, centre: Array, axis: Array, angle: Array, legs: int) -> Waypoints:
+def _arc(observation: Observation, centre: Array, axis: Array, angle: Array, legs: int) -> Waypoints:
     """From the present target about a line through `centre` [N, 3] along `axis` [N, 3], by `angle` [N], fingers closed.
 
     It starts from the target and not from the hand, so that what the hand presses with is kept.
     """
-    pos, quat = seen["target_pos_m"], poses.rotation(seen["target_quat"])
+    pos, quat = observation["target_pos_m"], poses.rotation(observation["target_quat"])
     turns = [poses.about(axis, angle * (leg + 1) / legs) for leg in range(legs)]
     way = np.stack([centre + poses.rotate(turn, pos - centre) for turn in turns], axis=1)
-    return Waypoints(way, np.stack([poses.quat(turn * quat) for turn in turns], axis=1), np.ones((len(seen), legs)))
+    quats = np.stack([poses.quat(turn * quat) for turn in turns], axis=1)
+    return Waypoints(way, quats, np.ones((len(observation), legs)))
 
 
 def can_reach(truth: Privileged) -> BoolArray:

@@ -26,7 +26,7 @@ CLOSED_BELOW_M = 1.5 * FINGER_OPEN_M  # three quarters of the widest opening
 
 
 class DoorSymbols:
-    """See `worlds.symbols.Symbols`.
+    """See `contracts.symbols.Symbols`.
 
     Args:
         finger_sign: which way round the fingers grasp, +1 or −1.
@@ -43,29 +43,29 @@ class DoorSymbols:
     far = np.array([0.03, 0.03, 0.03, 0.2, 0.2, 0.2, 0.0, 0.0, 0.0])
 
     def __init__(self, finger_sign: float) -> None:
-        origin, still = np.zeros((1, 3)), np.array([[1.0, 0.0, 0.0, 0.0]])
-        self._nominal = poses.rotation(grasp_pose(origin, still, finger_sign)[1])
+        origin, identity = np.zeros((1, 3)), np.array([[1.0, 0.0, 0.0, 0.0]])
+        self._nominal = poses.rotation(grasp_pose(origin, identity, finger_sign)[1])
 
-    def state(self, known: Privileged | Observation) -> Array:
+    def state(self, source: Privileged | Observation) -> Array:
         """Position and rotation vector of the hand, from the handle and from the nominal grasp's orientation."""
-        lever = poses.rotation(known["handle_quat"]).inv()
-        away = poses.rotate(lever, known["grip_pos_m"] - known["handle_pos_m"])
-        turn = (lever * poses.rotation(known["grip_quat"]) * self._nominal.inv()).as_rotvec()
-        gap = GAPS_M[np.digitize(known["gap_m"], [EMPTY_BELOW_M, OPEN_ABOVE_M])]
-        return np.concatenate([away, turn, gap, known["hinge_rad"], known["latch_rad"]], axis=1)
+        lever = poses.rotation(source["handle_quat"]).inv()
+        away = poses.rotate(lever, source["grip_pos_m"] - source["handle_pos_m"])
+        turn = (lever * poses.rotation(source["grip_quat"]) * self._nominal.inv()).as_rotvec()
+        gap = GAPS_M[np.digitize(source["gap_m"], [EMPTY_BELOW_M, OPEN_ABOVE_M])]
+        return np.concatenate([away, turn, gap, source["hinge_rad"], source["latch_rad"]], axis=1)
 
-    def hand(self, known: Privileged | Observation, state: Array) -> tuple[Array, Array]:
+    def hand(self, source: Privileged | Observation, state: Array) -> tuple[Array, Array]:
         """Turns the lever about its axis and the door about its hinge until both are as in `state`."""
         state = np.array(state)  # scipy reads only arrays that it could write to
-        pos, lever = known["handle_pos_m"], poses.rotation(known["handle_quat"])
-        latch = poses.about(poses.rotate(lever, [0.0, 1.0, 0.0]), state[:, 8] - known["latch_rad"][:, 0])
-        hinge = poses.about(UP, state[:, 7] - known["hinge_rad"][:, 0])
-        axis, post = axis_of(pos, known["handle_quat"]), hinge_of(pos, known["handle_quat"])
+        pos, lever = source["handle_pos_m"], poses.rotation(source["handle_quat"])
+        latch = poses.about(poses.rotate(lever, [0.0, 1.0, 0.0]), state[:, 8] - source["latch_rad"][:, 0])
+        hinge = poses.about(UP, state[:, 7] - source["hinge_rad"][:, 0])
+        axis, post = axis_of(pos, source["handle_quat"]), hinge_of(pos, source["handle_quat"])
         pos = post + poses.rotate(hinge, axis + poses.rotate(latch, pos - axis) - post)
         lever = hinge * latch * lever
         quat = lever * Rotation.from_rotvec(state[:, 3:6]) * self._nominal
         return pos + poses.rotate(lever, state[:, :3]), poses.quat(quat)
 
-    def closed(self, state: Array) -> BoolArray:
+    def fingers_closed(self, state: Array) -> BoolArray:
         """By the gap."""
         return np.asarray(state[:, 6] < CLOSED_BELOW_M)

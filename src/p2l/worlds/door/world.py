@@ -3,17 +3,17 @@
 Deviations from the thesis and its author's settings, each where they are silent or cannot be kept:
 1. The door stands on the robot's right (y negative), as robosuite's own does; the author's y of 0.25–0.30 m counts to
    that side.
-2. Only the handle's position is uncertain; its orientation, and with it the angles of latch and hinge, is seen without
-   error.
+2. Only the handle's position is uncertain; its orientation, and with it the angles of latch and hinge, is observed
+   without error.
 3. The arm starts in one posture, the hand 16 cm in front of the middle of all handles (plus `joint_noise_rad`).
 4. Failure detectors (the thesis has none in chapter 4, only states in which no skill applies): the handle is not
-   between the pads 0.25 s after the fingers were told to close; it was and no longer is; the wrist force, averaged over
+   between the pads 0.25 s after the close command; it was and no longer is; the wrist force, averaged over
    a control step, is above `force_limit_n` (150 N; with the exact state it stays below 133 N). The first two speak once
    each time the fingers close.
 5. The lever's friction is robosuite's own number for it, 1; in robosuite the pads' 2 would overrule it, and a hand that
    pulls before the latch is free would not slip.
 6. The impedance is 800 N/m and 40 N·m/rad, and weak springs (5 N·m/rad) draw the arm's joints to the start posture;
-   without them the elbow wanders off and a second grasp fails. With what `skills.nominal.door` aims at, these numbers
+   without them the elbow wanders off and a second grasp fails. With what `worlds.door.skills` aims at, these numbers
    were chosen (seeds 100–131) so that open-loop execution with noise succeeds as often as the thesis's, 71 %.
 7. The latch is damped (0.2 N·m·s/rad); robosuite's swings for four seconds when it is let go.
 
@@ -51,7 +51,7 @@ OPEN_RAD = 0.3
 PAD_HALF_M = 0.008
 CLOSING_STEPS = 5  # the fingers need four control steps from open to the thinnest lever
 PULLED_M = 0.01  # the target has left the door's plane by that much: the hand pulls
-NONE, HELD, LOST = 0.0, 1.0, 2.0
+NONE, GRASP, LOST = 0.0, 1.0, 2.0
 MISSED_HANDLE, SLIP_ROTATING, SLIP_PULLING, FORCE = range(4)
 
 
@@ -60,7 +60,7 @@ class Door(RobotWorld):
 
     Args:
         arm: robosuite's name of the arm.
-        handle: one of `worlds.handles.HANDLES`, or a list of them of which each row draws one.
+        handle: one of `worlds.door.handles.HANDLES`, or a list of them of which each row draws one.
         estimator: how the estimate of the handle's position errs.
         sigma_m: its standard deviation in x, y and z, m.
         x_m, y_m, z_m: ranges of the door's position from the robot's base, m; y to the robot's right.
@@ -75,7 +75,7 @@ class Door(RobotWorld):
     """
 
     failure_kinds = ("missed_handle", "slip_rotating", "slip_pulling", "force")
-    memory_size = 3  # control steps since the fingers were told to close; NONE, HELD or LOST; depth of the target then
+    memory_size = 3  # control steps since the close command; NONE, GRASP or LOST; depth of the target then
     mode_fields = ("grip_in_handle_m", "gap_m", "hinge_rad", "latch_rad")
     view = View(azimuth_deg=228.0, elevation_deg=-18.0, distance_m=0.85)
 
@@ -119,31 +119,31 @@ class Door(RobotWorld):
         low, high = np.array(list(self.ranges.values())).T
         place = rng.uniform(low, high, (n, 4))
         arm = self.start_rad + self.joint_noise_rad * rng.standard_normal((n, len(self.start_rad)))
-        return self._closed(place, arm, self.estimator.draw(rng, n), rng.integers(len(self.handles), size=n))
+        return self._rows_at(place, arm, self.estimator.draw(rng, n), rng.integers(len(self.handles), size=n))
 
     def _start(self, arm: str) -> tuple[float, Array]:
         """Which way round the fingers grasp, and the start posture [J], rad; judged at the door's corner places."""
         corners = np.array(list(product(*self.ranges.values())))
         place = np.concatenate([corners.mean(axis=0, keepdims=True), corners])
         still = np.zeros((len(place), 1, 3))
-        rows = self._closed(place, self.scenes[0].home, still, np.zeros(len(place), dtype=np.int64))
-        found = start_posture(self.scenes[0], self.read(rows, "handle_pos"), self.read(rows, "handle_quat"), OPEN_RAD)
-        if isinstance(found, list):
-            told = "; ".join(", ".join(f"{value:g}" for value in place[index]) for index in found)
+        rows = self._rows_at(place, self.scenes[0].home, still, np.zeros(len(place), dtype=np.int64))
+        start = start_posture(self.scenes[0], self.read(rows, "handle_pos"), self.read(rows, "handle_quat"), OPEN_RAD)
+        if isinstance(start, list):
+            where = "; ".join(", ".join(f"{value:g}" for value in place[index]) for index in start)
             raise ConfigError(
                 f"door: no posture of the arm {arm} reaches the handle, shut or open, at these start states "
-                f"(x, y, z in m, yaw in rad): {told}; move or narrow {', '.join(self.ranges)}"
+                f"(x, y, z in m, yaw in rad): {where}; move or narrow {', '.join(self.ranges)}"
             )
-        return found
+        return start
 
-    def _closed(self, place: Array, arm: Array, noise: Array, model: IntArray) -> Rows:
+    def _rows_at(self, place: Array, arm: Array, noise: Array, model: IntArray) -> Rows:
         """Rows with the door at x, y, z (m from the robot's base, y to its right) and yaw (rad), `place` [N, 4]."""
         turn = poses.about([0.0, 0.0, 1.0], place[:, 3] - np.pi / 2)
         pose = np.concatenate([self.base_pos_m + place[:, :3] * [1.0, -1.0, 1.0], poses.quat(turn)], axis=1)
         qpos = np.zeros((len(place), self.engine.nq))
         qpos[:, [column - 1 for column in self._arm]] = arm
-        for finger, opened in zip(FINGERS, (FINGER_OPEN_M, -FINGER_OPEN_M), strict=True):
-            qpos[:, self._columns[finger] - 1] = opened
+        for finger, position in zip(FINGERS, (FINGER_OPEN_M, -FINGER_OPEN_M), strict=True):
+            qpos[:, self._columns[finger] - 1] = position
         return self.rows(qpos, noise, model=model, furniture={FURNITURE: pose})
 
     def _truth(self, rows: Rows) -> Fields:
@@ -152,13 +152,13 @@ class Door(RobotWorld):
         return {
             **self._body(rows),
             **handle,
-            "held": self.held(rows),
+            "held": self.in_grip(rows),
             "to_tip_m": length - handle["grip_in_handle_m"][:, 0],
             "slack_m": self.gap_m(rows) - thickness,
             "force_n": np.linalg.norm(self.read(rows, WRIST_FORCE), axis=1),
         }
 
-    def _seen(self, rows: Rows, error: Array) -> Fields:
+    def _observation(self, rows: Rows, error: Array) -> Fields:
         return {
             **self._body(rows),
             **self._handle(rows, error),
@@ -189,7 +189,7 @@ class Door(RobotWorld):
             "latch_rad": self.joint(rows, f"{DOOR}_latch_joint"),
         }
 
-    def held(self, rows: Rows) -> BoolArray:
+    def in_grip(self, rows: Rows) -> BoolArray:
         """[N] whether the lever is between the pads, and they are about as far apart as it is thick.
 
         The line from pad to pad has to cross the middle plane of the lever within its outline.
@@ -216,22 +216,22 @@ class Door(RobotWorld):
 
     def monitor(self, before: Rows, after: Rows, chunk: Chunk, command: Command) -> tuple[IntArray, Array]:
         """Missed handle, slip, force; see deviation 4."""
-        closed, was, depth = np.where(command.grip[:, None] > 0.5, before.memory, 0.0).T
-        closed = np.where(command.grip > 0.5, closed + 1.0, 0.0)
-        held = self.held(after) & (closed >= CLOSING_STEPS)
+        steps, grasp, depth = np.where(command.grip[:, None] > 0.5, before.memory, 0.0).T
+        steps = np.where(command.grip > 0.5, steps + 1.0, 0.0)
+        in_grip = self.in_grip(after) & (steps >= CLOSING_STEPS)
         normal = poses.rotate(poses.rotation(self.furniture(after, FURNITURE)[:, 3:]), [1.0, 0.0, 0.0])
         target = (command.pos * normal).sum(axis=1)
-        depth = np.where(held & (was == NONE), target, depth)
-        slipped = (was == HELD) & ~held
+        depth = np.where(in_grip & (grasp == NONE), target, depth)
+        slip = (grasp == GRASP) & ~in_grip
         pulling = depth - target > PULLED_M
         force = np.linalg.norm(self.engine.sensor(chunk, WRIST_FORCE).mean(axis=1), axis=1)
         kind = np.full(len(after), NO_FAILURE, dtype=np.int64)
         kind[force > self.force_limit_n] = FORCE
-        kind[slipped & pulling] = SLIP_PULLING
-        kind[slipped & ~pulling] = SLIP_ROTATING
-        kind[~held & (was == NONE) & (closed == CLOSING_STEPS)] = MISSED_HANDLE
-        now = np.where(held, HELD, np.where(slipped, LOST, was))
-        return kind, np.stack([closed, now, depth], axis=1)
+        kind[slip & pulling] = SLIP_PULLING
+        kind[slip & ~pulling] = SLIP_ROTATING
+        kind[~in_grip & (grasp == NONE) & (steps == CLOSING_STEPS)] = MISSED_HANDLE
+        grasp = np.where(in_grip, GRASP, np.where(slip, LOST, grasp))
+        return kind, np.stack([steps, grasp, depth], axis=1)
 
     def goal(self, rows: Rows) -> BoolArray:
         """The hinge at 0.3 rad or more, as robosuite has it."""
@@ -250,14 +250,14 @@ def _scene(arm: str, handle: Handle, timestep_s: float) -> Scene:
     arena = TableArena(table_full_size=(0.8, 0.3, 0.05), table_offset=(-0.2, -0.35, 0.8))
     arena.set_origin([0, 0, 0])
     door = DoorObject(name=DOOR, friction=0.0, damping=0.1, lock=True)
-    tracked = {"handle": f"{DOOR}_handle"}
-    parts = Parts(arena, [door], BASE_POS_WORLD, furniture=(FURNITURE,), tracked=tracked, edit=shape(handle))
+    pose_sensors = {"handle": f"{DOOR}_handle"}
+    parts = Parts(arena, [door], BASE_POS_WORLD, furniture=(FURNITURE,), pose_sensors=pose_sensors, edit=shape(handle))
     physics = Physics(timestep_s=timestep_s, stiffness_linear=800.0, damping_linear=90.0, damping_angular=5.0)
     return build(arm, parts, physics)
 
 
-def _ranges(**given: Sequence[float]) -> dict[str, tuple[float, float]]:
-    for name, pair in given.items():
+def _ranges(**pairs: Sequence[float]) -> dict[str, tuple[float, float]]:
+    for name, pair in pairs.items():
         if len(pair) != 2 or not np.isfinite(pair).all() or pair[0] > pair[1]:
             raise ConfigError(f"door: {name} must be [low, high] with low ≤ high, got {list(pair)}")
-    return {name: (float(low), float(high)) for name, (low, high) in given.items()}
+    return {name: (float(low), float(high)) for name, (low, high) in pairs.items()}

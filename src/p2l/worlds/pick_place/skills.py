@@ -1,7 +1,7 @@
 """GoToGrasp, Pick, GoToGoal and Place: closed-loop state machines that know nothing of walls (thesis, section 5.4.1).
 
 The hand always faces down. It keeps the quarter turn about the vertical that its target is closest to when an option
-starts, so an option that is used after the hand has been turned (or told to turn) does not turn it back.
+starts, so an option that is used after a turn of the hand (or of its target) does not turn it back.
 
 Axis letters: N rows.
 """
@@ -29,8 +29,8 @@ HOVER_M = 0.05
 OVER_GOAL_M = QUARTER_M + np.array([0.0, 0.0, 0.2])
 AT_GOAL_M = QUARTER_M + np.array([0.0, 0.0, 0.1])
 ALIGNED_M, ALIGNED_RAD = 0.01, 0.15  # the hand goes down only where it is this close to straight above the bread
-RELEASED_GAP_M = 0.07
-HELD_GAP_M = (0.02, 0.065)  # opening of fingers that are closed on the bread, along whichever side
+RELEASE_GAP_M = 0.07
+GRASP_GAP_M = (0.02, 0.065)  # opening of fingers that are closed on the bread, along whichever side
 
 
 def options() -> tuple[Machine, ...]:
@@ -53,7 +53,7 @@ def options() -> tuple[Machine, ...]:
             "place",
             (
                 Phase(_at_goal, grip=1.0, pace_m=0.025),
-                Phase(_stay, grip=0.0, open_m=RELEASED_GAP_M, reached_m=np.inf, reached_rad=np.inf, at_least=6),
+                Phase(_stay, grip=0.0, open_m=RELEASE_GAP_M, reached_m=np.inf, reached_rad=np.inf, at_least=6),
             ),
             quarter_turn,
             can_place,
@@ -62,54 +62,55 @@ def options() -> tuple[Machine, ...]:
     return link(chain)
 
 
-def quarter_turn(seen: Observation) -> Array:
+def quarter_turn(observation: Observation) -> Array:
     """[N, 4] the orientation facing down with the quarter turn that the hand's target is closest to."""
-    hand = poses.rotation(seen["target_quat"])
-    down = np.tile(DOWN, (len(seen), 1))
+    hand = poses.rotation(observation["target_quat"])
+    down = np.tile(DOWN, (len(observation), 1))
     x_axis, y_axis = poses.rotate(hand, [1.0, 0.0, 0.0]), poses.rotate(hand, [0.0, 1.0, 0.0])
     steep = np.linalg.norm(x_axis[:, :2], axis=1) < 0.5  # the hand lies on its side: the other axis tells the turn
     x_axis[steep] = np.cross(y_axis[steep], down[steep])
     quarters = np.round(np.arctan2(x_axis[:, 1], x_axis[:, 0]) / (np.pi / 2)) * np.pi / 2
-    return poses.frame(np.stack([np.cos(quarters), np.sin(quarters), np.zeros(len(seen))], axis=1), down)
+    return poses.frame(np.stack([np.cos(quarters), np.sin(quarters), np.zeros(len(observation))], axis=1), down)
 
 
-def _hover(seen: Observation) -> Array:
-    return np.asarray(seen["object_pos_m"] + [0.0, 0.0, TOP_M + HOVER_M])
+def _hover(observation: Observation) -> Array:
+    return np.asarray(observation["object_pos_m"] + [0.0, 0.0, TOP_M + HOVER_M])
 
 
-def _down(seen: Observation) -> Array:
-    bread = seen["object_pos_m"]
-    turn = poses.angle(seen["grip_quat"], seen["target_quat"])
-    aside = np.linalg.norm(seen["grip_pos_m"][:, :2] - bread[:, :2], axis=1)
+def _down(observation: Observation) -> Array:
+    bread = observation["object_pos_m"]
+    turn = poses.angle(observation["grip_quat"], observation["target_quat"])
+    aside = np.linalg.norm(observation["grip_pos_m"][:, :2] - bread[:, :2], axis=1)
     astray = np.maximum(aside - ALIGNED_M, 0.0) + HAND_HALF_M * np.maximum(turn - ALIGNED_RAD, 0.0)
     height = np.maximum(bread[:, 2], FLOOR_M + 0.02) + np.minimum(2.0 * astray, TOP_M + HOVER_M)
     return np.column_stack([bread[:, :2], height])
 
 
-def _stay(seen: Observation) -> Array:
-    return seen["target_pos_m"]
+def _stay(observation: Observation) -> Array:
+    return observation["target_pos_m"]
 
 
-def _lift(seen: Observation) -> Array:
-    return np.column_stack([seen["target_pos_m"][:, :2], np.full(len(seen), LIFT_M)])
+def _lift(observation: Observation) -> Array:
+    return np.column_stack([observation["target_pos_m"][:, :2], np.full(len(observation), LIFT_M)])
 
 
-def _over_goal(seen: Observation) -> Array:
-    return np.tile(OVER_GOAL_M, (len(seen), 1))
+def _over_goal(observation: Observation) -> Array:
+    return np.tile(OVER_GOAL_M, (len(observation), 1))
 
 
-def _at_goal(seen: Observation) -> Array:
-    return np.tile(AT_GOAL_M, (len(seen), 1))
+def _at_goal(observation: Observation) -> Array:
+    return np.tile(AT_GOAL_M, (len(observation), 1))
 
 
-def _pick_phase(seen: Observation) -> IntArray:
+def _pick_phase(observation: Observation) -> IntArray:
     """Lift at once where the bread is already in the closed hand."""
-    return np.where(_held(seen["object_in_grip_m"], seen["gap_m"]) & (seen["grip_command"][:, 0] > 0.5), 2, 0)
+    in_fingers = _bread_in_fingers(observation["object_in_grip_m"], observation["gap_m"])
+    return np.where(in_fingers & (observation["grip_command"][:, 0] > 0.5), 2, 0)
 
 
-def _held(object_in_grip: Array, gap: Array) -> BoolArray:
+def _bread_in_fingers(object_in_grip: Array, gap: Array) -> BoolArray:
     near = np.linalg.norm(object_in_grip, axis=1) < 0.03
-    return np.asarray(near & (gap[:, 0] > HELD_GAP_M[0]) & (gap[:, 0] < HELD_GAP_M[1]))
+    return np.asarray(near & (gap[:, 0] > GRASP_GAP_M[0]) & (gap[:, 0] < GRASP_GAP_M[1]))
 
 
 def can_go_to_grasp(truth: Privileged) -> BoolArray:
@@ -123,7 +124,7 @@ def can_pick(truth: Privileged) -> BoolArray:
     """The same, and the hand hovers over the bread, facing down, with open fingers."""
     away = truth["grip_pos_m"] - truth["object_pos_m"]
     over = (np.linalg.norm(away[:, :2], axis=1) < 0.04) & (away[:, 2] > 0.04) & (away[:, 2] < 0.15)
-    return np.asarray(can_go_to_grasp(truth) & over & _faces_down(truth) & (truth["gap_m"][:, 0] > HELD_GAP_M[1]))
+    return np.asarray(can_go_to_grasp(truth) & over & _faces_down(truth) & (truth["gap_m"][:, 0] > GRASP_GAP_M[1]))
 
 
 def can_go_to_goal(truth: Privileged) -> BoolArray:
@@ -138,7 +139,7 @@ def can_place(truth: Privileged) -> BoolArray:
 
 
 def _in_hand(truth: Privileged) -> BoolArray:
-    return _held(truth["object_in_grip_m"], truth["gap_m"])
+    return _bread_in_fingers(truth["object_in_grip_m"], truth["gap_m"])
 
 
 def _faces_down(truth: Privileged) -> BoolArray:

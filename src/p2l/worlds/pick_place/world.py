@@ -66,7 +66,7 @@ IMPEDANCE = {
     "joint_damping": 5.0,
 }
 KINDS = ("collision", "dropped")
-_CLOSED_AT, _FORCE = range(2)
+_GRASP_HEIGHT, _FORCE = range(2)
 
 THESIS_FIELDS = (  # the 46 numbers of the thesis's observation: robosuite's proprioception and object state
     "arm_cos",
@@ -103,7 +103,7 @@ class PickPlace(RobotWorld):
     """
 
     failure_kinds = KINDS
-    memory_size = 2  # height of the hand when the fingers were told to close, m; whether the force is high
+    memory_size = 2  # height of the hand at the close command, m; whether the force is high
     mode_fields = ("object_pos_m", "grip_pos_m - object_pos_m", "gap_m", "hand_room_m")
     view = View(azimuth_deg=160.0, elevation_deg=-35.0, distance_m=1.3, lookat_m=(0.1, 0.0, 0.9))
 
@@ -127,7 +127,7 @@ class PickPlace(RobotWorld):
         self._noise_rad, self.force_limit_n = joint_noise_rad, force_limit_n
         arena, bread = BinsArena(bin1_pos=BIN1_POS_M), BreadObject(name="Bread")
         arena.set_origin([0, 0, 0])
-        parts = Parts(arena, [bread], BASE_POS_WORLD, tracked={"object": bread.root_body})
+        parts = Parts(arena, [bread], BASE_POS_WORLD, pose_sensors={"object": bread.root_body})
         scene = build(arm, parts, Physics(timestep_s=timestep_s, **IMPEDANCE))
         super().__init__("pick_place", params, [scene], Estimator(estimator, (sigma_m,) * 3), nthread=nthread)
         self._dofs = [int(scene.model.joint(joint).dofadr[0]) for joint in scene.arm_joints]
@@ -162,7 +162,7 @@ class PickPlace(RobotWorld):
             "force_n": np.linalg.norm(self.read(rows, WRIST_FORCE), axis=1),
         }
 
-    def _seen(self, rows: Rows, error: Array) -> Mapping[str, npt.NDArray[np.generic]]:
+    def _observation(self, rows: Rows, error: Array) -> Mapping[str, npt.NDArray[np.generic]]:
         body = self._body(rows)
         arm, pos = self.arm(rows), self.read(rows, "object_pos") + error
         velocity = self.engine.qvel(rows.states)
@@ -191,14 +191,14 @@ class PickPlace(RobotWorld):
     def monitor(self, before: Rows, after: Rows, chunk: Chunk, command: Command) -> tuple[IntArray, Array]:
         """A collision: wrist force above its limit. A dropped bread: a closed hand that has risen, and is empty."""
         height = self.read(after, "grip_pos")[:, 2]
-        closed = command.grip > 0.5
-        closed_at = np.where(closed & (before.grip > 0.5), before.memory[:, _CLOSED_AT], height)
+        close_command = command.grip > 0.5
+        grasp_height = np.where(close_command & (before.grip > 0.5), before.memory[:, _GRASP_HEIGHT], height)
         high = self.peak_force_n(chunk, WRIST_FORCE) > self.force_limit_n
-        empty = closed & (height - closed_at > LIFTED_M) & (self.gap_m(after) <= EMPTY_GAP_M)
+        empty = close_command & (height - grasp_height > LIFTED_M) & (self.gap_m(after) <= EMPTY_GAP_M)
         kind = np.full(len(after), NO_FAILURE, dtype=np.int64)
         kind[empty] = KINDS.index("dropped")
         kind[high] = KINDS.index("collision")
-        return kind, np.stack([closed_at, high], axis=1).astype(np.float64)
+        return kind, np.stack([grasp_height, high], axis=1).astype(np.float64)
 
     def goal(self, rows: Rows) -> BoolArray:
         """The test of robosuite: the bread in its quarter and low, and the hand away from it."""
@@ -243,21 +243,21 @@ class PickPlace(RobotWorld):
         places = [*corners, QUARTER_M + [0.0, 0.0, 0.2]]
         scene = self.scenes[0]
         if far := [place for place in places if reach(scene, place, down, starts=[scene.home]) is None]:
-            named = "; ".join(", ".join(f"{value:.3f}" for value in place) for place in far)
+            where = "; ".join(", ".join(f"{value:.3f}" for value in place) for place in far)
             raise ConfigError(
-                f"pick_place: the arm has no posture with the hand facing down at {named} (world, m); "
+                f"pick_place: the arm has no posture with the hand facing down at {where} (world, m); "
                 "narrow x_m and y_m or choose another arm"
             )
 
 
-def _ranges(clearance_m: float, **given: Sequence[float]) -> tuple[Array, Array]:
+def _ranges(clearance_m: float, **pairs: Sequence[float]) -> tuple[Array, Array]:
     if not BREAD_RADIUS_M <= clearance_m <= BIN_INNER_HALF_M.min():
-        allowed = f"[{BREAD_RADIUS_M}, {BIN_INNER_HALF_M.min()}]"
-        raise ConfigError(f"pick_place: wall_clearance_m must lie in {allowed}, got {clearance_m}")
+        interval = f"[{BREAD_RADIUS_M}, {BIN_INNER_HALF_M.min()}]"
+        raise ConfigError(f"pick_place: wall_clearance_m must lie in {interval}, got {clearance_m}")
     room = dict(zip(("x_m", "y_m"), (BIN_INNER_HALF_M - clearance_m).tolist(), strict=True))
-    for name, pair in given.items():
+    for name, pair in pairs.items():
         if len(pair) != 2 or not np.isfinite(pair).all() or pair[0] > pair[1]:
             raise ConfigError(f"pick_place: {name} must be [low, high] with low ≤ high, got {list(pair)}")
-    cut = {name: np.clip(pair, -room.get(name, np.inf), room.get(name, np.inf)) for name, pair in given.items()}
-    low, high = np.array(list(cut.values()), dtype=np.float64).T
+    ranges = {name: np.clip(pair, -room.get(name, np.inf), room.get(name, np.inf)) for name, pair in pairs.items()}
+    low, high = np.array(list(ranges.values()), dtype=np.float64).T
     return low, high

@@ -2,10 +2,10 @@
 
 Nothing of ours does the physics set-up or the control there: robosuite composes and steps its unmodified environment,
 its OSC_POSE controller at 20 Hz turns the target pose of an option into torques, its gripper controller moves the
-fingers, and its own `_check_success` judges. What is ours: which target is asked for, from an observation with the
+fingers, and its own `_check_success` judges. What is ours: the option's target, from an observation with the
 columns of our world that is read from robosuite's simulation.
 
-robosuite has no shelf. `robosuite_sim.shelf` adds one, written as its own environments are; physics and control are
+robosuite has no shelf. `worlds.robosuite.shelf` adds one, written as its own environments are; physics and control are
 robosuite's there too, but scene and `_check_success` are ours, so it is left out of `known_tasks`, whose environments
 are unmodified.
 

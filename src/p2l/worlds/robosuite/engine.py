@@ -32,9 +32,10 @@ class RobosuiteEngine(Engine):
         super().__init__(engine.models, control_period_s=engine.control_period_s, nthread=1)
         self.environment = environment
         self._mirror = Mirror(environment, engine, scene.arm_joints)
-        actuator, (opened, closed) = next(iter(scene.fingers.items()))
-        self._finger, self._opened, self._closed = self.control_names.index(actuator), opened, closed
-        self._at: Array | None = None
+        actuator, (open_control, closed_control) = next(iter(scene.fingers.items()))
+        self._finger = self.control_names.index(actuator)
+        self._open_control, self._closed_control = open_control, closed_control
+        self._last_state: Array | None = None
         self._force: list[Array] = []
         self._record_force()
 
@@ -53,23 +54,23 @@ class RobosuiteEngine(Engine):
             ShapeError: an input has another shape, or holds NaN.
         """
         self._check(states, target_pos, target_quat, control, model_index)
-        closed = self._close(control)
-        if self._at is None or not np.array_equal(self._at, states[0]):
-            self._mirror.load(states[0], closed=closed, model=int(model_index[0]))
+        close_command = self._close_command(control)
+        if self._last_state is None or not np.array_equal(self._last_state, states[0]):
+            self._mirror.load(states[0], close_command=close_command, model=int(model_index[0]))
         turn = Rotation.from_quat(target_quat[0], scalar_first=True).as_rotvec()
         self._force.clear()
-        self.environment.step(np.concatenate([target_pos[0], turn, [1.0 if closed else -1.0]]))
+        self.environment.step(np.concatenate([target_pos[0], turn, [1.0 if close_command else -1.0]]))
         target = np.concatenate([target_pos[0], target_quat[0]])
         state = self._mirror.state(target, states[0, self.physics_size + 7 :])
-        self._at = state.copy()
+        self._last_state = state.copy()
         return Chunk(state[None], self._trace()[None], np.array([not np.isfinite(state).all()]))
 
     def sense(self, states: Array, control: Array, model_index: IntArray) -> Array:
         """[1, D] what our sensors would read in robosuite at this row, which is loaded; see `Engine.sense`."""
         pose = states[:, self.physics_size : self.physics_size + 7]
         self._check(states, pose[:, :3], pose[:, 3:], control, model_index)
-        self._mirror.load(states[0], closed=self._close(control), model=int(model_index[0]))
-        self._at = None
+        self._mirror.load(states[0], close_command=self._close_command(control), model=int(model_index[0]))
+        self._last_state = None
         return self._mirror.sensors()[None]
 
     def _check(self, states: Array, pos: Array, quat: Array, control: Array, index: IntArray) -> None:
@@ -77,8 +78,8 @@ class RobosuiteEngine(Engine):
         if len(states) != 1:
             raise ConfigError(f"robosuite runs one row at a time, got {len(states)}; use one slot")
 
-    def _close(self, control: Array) -> bool:
-        return bool((control[0, self._finger] - self._opened) / (self._closed - self._opened) > 0.5)
+    def _close_command(self, control: Array) -> bool:
+        return bool((control[0, self._finger] - self._open_control) / (self._closed_control - self._open_control) > 0.5)
 
     def success(self) -> bool:
         """What robosuite's own test says of the state it is in."""

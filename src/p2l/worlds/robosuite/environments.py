@@ -1,6 +1,6 @@
 """robosuite's environments, made with its public constructor arguments only, and the shelf's, which is written here.
 
-What is asked for, beside the task and the arm: no cameras, 20 Hz, no end of an episode (`ignore_done`), no noise in the
+The arguments beside the task and the arm: no cameras, 20 Hz, no end of an episode (`ignore_done`), no noise in the
 start posture (a row has its own), resets that keep the compiled model (`hard_reset=False`), and OSC_POSE as robosuite
 configures it for the arm, but for two of its settings: targets are absolute poses in the world frame (`input_type`,
 `input_ref_frame`) instead of displacements of at most 5 cm and 0.5 rad, and its gains are the caller's.
@@ -24,7 +24,7 @@ from p2l.worlds.robot import RobotWorld
 from p2l.worlds.shelf.world import Shelf
 
 TASKS = {"door": "Door", "pick_place": "PickPlaceBread"}
-WRITTEN = {"cluttered_shelf": "PlaceOnShelf", "shelf": "PlaceOnShelf"}  # in `robosuite_sim.shelf`
+SHELF_TASKS = {"cluttered_shelf": "PlaceOnShelf", "shelf": "PlaceOnShelf"}  # in `worlds.robosuite.shelf`
 CONTROL_HZ = 20
 ARM = "Panda"
 
@@ -40,12 +40,12 @@ def task_of(name: str) -> str:
     Raises:
         ConfigError: there is neither.
     """
-    if name not in TASKS | WRITTEN:
+    if name not in TASKS | SHELF_TASKS:
         raise ConfigError(
             f"robosuite has no task of its own for '{name}'; it has: {', '.join(known_tasks())}; "
-            f"written for it (p2l.worlds.robosuite): {', '.join(WRITTEN)}"
+            f"written for it (p2l.worlds.robosuite): {', '.join(SHELF_TASKS)}"
         )
-    return (TASKS | WRITTEN)[name]
+    return (TASKS | SHELF_TASKS)[name]
 
 
 def scene_of(world: World) -> Scene:
@@ -88,7 +88,7 @@ def environment(world: World, scene: Scene, gains: Gains, *, objects: bool = Fal
             "kp": list(gains.kp),
             "damping_ratio": np.array(gains.damping_ratio),
         }
-        made = robosuite.make(
+        env = robosuite.make(
             task,
             robots=ARM,
             controller_configs=controller,
@@ -102,21 +102,21 @@ def environment(world: World, scene: Scene, gains: Gains, *, objects: bool = Fal
             use_object_obs=objects,
             **(shelf.settings(world) if isinstance(world, Shelf) else {}),
         )
-    if other := _differences(made.sim.model, scene.drawn):
-        made.close()
+    if other := _differences(env.sim.model, scene.visual_model):
+        env.close()
         raise ConfigError(
             f"robosuite's {task} (with the {ARM}) differs from this world in {', '.join(other)}; "
             "give a world without such a variation"
         )
-    return made
+    return env
 
 
 def _differences(theirs: Any, model: mujoco.MjModel) -> list[str]:
     """Joints and named geoms of ours that robosuite's model does not have, or has in another size."""
     joints = [model.joint(index).name for index in range(model.njnt)]
     missing = [joint for joint in joints if joint not in theirs.joint_names]
-    known = set(theirs.geom_names)
-    geoms = [model.geom(index).name for index in range(model.ngeom) if model.geom(index).name in known]
+    geom_names = set(theirs.geom_names)
+    geoms = [model.geom(index).name for index in range(model.ngeom) if model.geom(index).name in geom_names]
     sizes = {name: theirs.geom_size[theirs.geom_name2id(name)] for name in geoms}
     return missing + [name for name in geoms if not np.allclose(model.geom(name).size, sizes[name], atol=1e-6)]
 

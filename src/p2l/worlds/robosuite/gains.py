@@ -1,9 +1,9 @@
-"""What robosuite's OSC must be told to feel like the impedance of a skill.
+"""Gains with which robosuite's OSC feels like the impedance of a skill.
 
 A skill is a motion with a fixed impedance (thesis, sections 3.5 and 5.4), a stiffness K and a damping D. OSC multiplies
 both its terms with the inertia Λ that the hand has at the moment: stiffness kp · Λ, damping 2 · ratio · √kp · Λ, so
-they change with the posture and the direction. `matched` takes the kp and ratio that give K and D for the geometric
-mean of Λ over the directions, at a start posture; robosuite's own choice is 150 and 1 for everything.
+they change with the posture and the direction. `impedance_gains` are the kp and ratio that give K and D for the
+geometric mean of Λ over the directions, at a start posture; robosuite's own choice is 150 and 1 for everything.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Gains:
     damping_ratio: tuple[float, ...] = (1.0,) * 6
 
 
-def matched(scene: Scene, qpos: Array) -> Gains:
+def impedance_gains(scene: Scene, qpos: Array) -> Gains:
     """The gains that feel like the scene's impedance at joint positions `qpos` [nq]."""
     physics = scene.physics
     stiffness = np.repeat([physics.stiffness_linear, physics.stiffness_angular], 3)

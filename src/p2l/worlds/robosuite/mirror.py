@@ -46,8 +46,8 @@ class Mirror:
         self._shape: int | None = 0 if len(engine.models) == 1 else None  # which of our models robosuite has
         self._readings = [self._reading(i) for i in range(model.nsensor)]
 
-    def load(self, state: Array, *, closed: bool, model: int = 0) -> None:
-        """Put robosuite at a row [S] of a model, at the start of a control step, the fingers told to close or open."""
+    def load(self, state: Array, *, close_command: bool, model: int = 0) -> None:
+        """Put robosuite at a row [S] of a model, at the start of a control step, the fingers with their command."""
         self._reshape(model)
         qpos, qvel = self._engine.qpos(state[None])[0], self._engine.qvel(state[None])[0]
         robot = self._environment.robots[0]
@@ -65,7 +65,7 @@ class Mirror:
             part.update(force=True)
             part.reset_goal()
         for gripper in robot.gripper.values():
-            gripper.current_action = np.array([-1.0, 1.0]) if closed else np.array([1.0, -1.0])
+            gripper.current_action = np.array([-1.0, 1.0]) if close_command else np.array([1.0, -1.0])
 
     def _reshape(self, index: int) -> None:
         """Give free bodies the masses and sizes that they have in one of our models."""

@@ -1,7 +1,7 @@
 """A thing from the table onto a shelf as an environment of robosuite, which has none of its own (thesis, 5.4.2, 5.4.3).
 
 Written as robosuite's own Lift, Door and PickPlace are: its arena, its robot, objects of its classes, the same that
-`worlds.shelf_scene` composes; start states drawn at a reset, where the shelf's two parts are moved as Door moves its
+`worlds.shelf.scene` composes; start states drawn at a reset, where the shelf's two parts are moved as Door moves its
 door; robosuite does all else. Nothing of ours runs in a step but the reward.
 
 Masses, and the sizes of the clutter, are those that the objects are made with until somebody sets others in the model,
@@ -96,13 +96,13 @@ class PlaceOnShelf(ManipulationEnv):
         super()._reset_internal()
         if self.deterministic_reset:
             return
-        drawn = self.starts.draw(self.rng, 1)
-        self.sim.model.body_pos[self.lower_body_id] = drawn.floor_m[0]
-        self.sim.model.body_pos[self.upper_body_id] = drawn.roof_m[0]
+        layouts = self.starts.draw(self.rng, 1)
+        self.sim.model.body_pos[self.lower_body_id] = layouts.floor_m[0]
+        self.sim.model.body_pos[self.upper_body_id] = layouts.roof_m[0]
         height = TABLE_M + self.thing.bottom_m
-        places = [(self.object, np.array([*drawn.object_m[0], height]))]
+        places = [(self.object, np.array([*layouts.object_m[0], height]))]
         if self.clutter:
-            places += zip(self.clutter, drawn.clutter_pos_m(self._clutter_sizes()[None, :, 1:])[0], strict=True)
+            places += zip(self.clutter, layouts.clutter_pos_m(self._clutter_sizes()[None, :, 1:])[0], strict=True)
         for thing, place in places:
             self.sim.data.set_joint_qpos(thing.joints[0], np.concatenate([place, UPRIGHT_QUAT]))
 
@@ -159,14 +159,14 @@ class PlaceOnShelf(ManipulationEnv):
         upright = upright_distance(data.body_xquat[[self.object_body_id]])[0] < UPRIGHT
         away = np.linalg.norm(data.site_xpos[robot.eef_site_id["right"]] - place) >= AWAY_M
         gap = np.abs(data.qpos[robot._ref_gripper_joint_pos_indexes["right"]]).sum()
-        turned = turn_rad(data.body_xquat[self.clutter_body_ids]) > self.clutter_limit_rad
-        opened = gap > 2.0 * self.thing.half_width_m + 0.01
-        return bool(rests and upright and away and opened and not turned.any())
+        turns = turn_rad(data.body_xquat[self.clutter_body_ids]) > self.clutter_limit_rad
+        hand_open = gap > 2.0 * self.thing.half_width_m + 0.01
+        return bool(rests and upright and away and hand_open and not turns.any())
 
 
 def settings(world: Shelf) -> dict[str, Any]:
     """What `PlaceOnShelf` needs to be the task of a world; clutter in the largest size of the world's models."""
-    sizes = world.scenes[0].drawn  # not edited, see `worlds.shelf_scene.Bank`
+    sizes = world.scenes[0].visual_model  # of the largest clutter, see `worlds.shelf.scene.Bank`
     joints = [sizes.joint(name) for name in world.bank.clutter_joints]
     halves = [sizes.geom_size[int(sizes.body_geomadr[int(sizes.jnt_bodyid[joint.id])])].tolist() for joint in joints]
     return {

@@ -1,4 +1,4 @@
-"""A world whose physics, control and judgement are robosuite's; all else is the world that it was made after.
+"""A world whose physics, control and judgement are robosuite's; all else is that of one of our worlds.
 
 Its rows are those of that world with one more column of memory, which holds robosuite's own verdict after the last
 control step. Failure detectors are our world's, on robosuite's sensors.
@@ -24,13 +24,13 @@ from p2l.sim.batch import Chunk
 from p2l.skills import chain
 from p2l.worlds.robosuite.engine import RobosuiteEngine
 from p2l.worlds.robosuite.environments import environment, scene_of
-from p2l.worlds.robosuite.gains import Gains, matched
+from p2l.worlds.robosuite.gains import Gains, impedance_gains
 
 Tuning = Literal["matched", "own"]
 
 
 class TransferWorld:
-    """Keeps the contract of `worlds.world.World`, one row at a time; see `make`."""
+    """Keeps the contract of `contracts.world.World`, one row at a time; see `make`."""
 
     def __init__(self, world: World, engine: RobosuiteEngine) -> None:
         self._world, self._engine = world, engine
@@ -78,17 +78,17 @@ class TransferWorld:
         """Rows of our world as rows of this one, e.g. recorded failures."""
         return replace(rows, memory=np.column_stack([rows.memory, np.zeros(len(rows))]))
 
-    def returned(self, rows: Rows) -> Rows:
+    def original(self, rows: Rows) -> Rows:
         """Rows of this world as rows of ours."""
         return replace(rows, memory=rows.memory[:, :-1])
 
     def privileged(self, rows: Rows) -> Privileged:
         """The truth, with the fields of our world."""
-        return self._world.privileged(self.returned(rows))
+        return self._world.privileged(self.original(rows))
 
     def observe(self, rows: Rows) -> Observation:
         """What the robot sees, with the fields of our world."""
-        return self._world.observe(self.returned(rows))
+        return self._world.observe(self.original(rows))
 
     def control(self, command: Command) -> Array:
         """Controls of our engine; the stiffnesses among them mean nothing to robosuite."""
@@ -96,7 +96,7 @@ class TransferWorld:
 
     def monitor(self, before: Rows, after: Rows, chunk: Chunk, command: Command) -> tuple[IntArray, Array]:
         """Our detectors, and robosuite's verdict."""
-        kind, memory = self._world.monitor(self.returned(before), self.returned(after), chunk, command)
+        kind, memory = self._world.monitor(self.original(before), self.original(after), chunk, command)
         return kind, np.column_stack([memory, [float(self._engine.success())]])
 
     def goal(self, rows: Rows) -> BoolArray:
@@ -107,9 +107,9 @@ class TransferWorld:
         """Those of our world."""
         return self._world.nominal_options()
 
-    def drawn(self, model: int) -> mujoco.MjModel:
-        """The twin with visuals of our world."""
-        return self._world.drawn(model)
+    def visual_model(self, model: int) -> mujoco.MjModel:
+        """That of our world."""
+        return self._world.visual_model(model)
 
 
 def make(world: World, *, tuning: Tuning | Gains = "matched", objects: bool = False) -> TransferWorld:
@@ -127,7 +127,7 @@ def make(world: World, *, tuning: Tuning | Gains = "matched", objects: bool = Fa
     if not isinstance(tuning, Gains) and tuning not in get_args(Tuning):
         raise ConfigError(f"unknown tuning '{tuning}'; known: {', '.join(get_args(Tuning))}")
     if tuning == "matched":
-        gains = matched(scene, world.engine.qpos(world.sample(np.random.default_rng(0), 1).states)[0])
+        gains = impedance_gains(scene, world.engine.qpos(world.sample(np.random.default_rng(0), 1).states)[0])
     else:
         gains = tuning if isinstance(tuning, Gains) else Gains()
     return TransferWorld(world, RobosuiteEngine(environment(world, scene, gains, objects=objects), world.engine, scene))

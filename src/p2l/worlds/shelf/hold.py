@@ -1,4 +1,4 @@
-"""What the detectors at the shelf remember of the hand: whether it holds the thing, and how it held it.
+"""What the detectors at the shelf remember of the hand: whether it holds the thing, and in which pose.
 
 Axis letters: N rows, M = 12 columns of memory.
 """
@@ -12,8 +12,8 @@ from p2l import poses
 from p2l.records import Array, BoolArray
 
 MEMORY_SIZE = 12
-CLOSED, HELD, LIFTED, FORCE, FLAGGED = range(5)  # closed: for how many control steps; lifted: ever; force: the last, N
-POS, QUAT = slice(5, 8), slice(8, 12)  # pose in the hand at the lift, or at the last flag since
+CLOSE_STEPS, GRASP, LIFT, FORCE, FLAG = range(5)  # of the close command: control steps; lift: ever; force: the last, N
+POS, QUAT = slice(5, 8), slice(8, 12)  # pose in the hand at the lift, or at the last flag since then
 CLOSING_STEPS = 5  # control steps that the fingers need
 NEAR_M = 0.12  # what the closed fingers hold is not farther from the grip site
 UPRIGHT = 0.1  # distance of quaternions up to which a thing stands straight
@@ -28,35 +28,35 @@ def in_hand(grip_pos: Array, grip_quat: Array, object_pos: Array, object_quat: A
     return np.asarray(poses.rotate(hand, object_pos - grip_pos)), hand * poses.rotation(object_quat)
 
 
-def hold(memory: Array, closed: BoolArray, up: BoolArray, before: InHand, after: InHand) -> Array:
+def hold(memory: Array, close_command: BoolArray, up: BoolArray, before: InHand, after: InHand) -> Array:
     """[N, M] the memory after a control step, all but force and flags.
 
     Args:
         memory: [N, M] before it.
-        closed: [N] whether the fingers are told to close.
+        close_command: [N] whether the fingers are commanded to close.
         up: [N] whether the thing is above the table, between fingers that are not empty.
         before: the pose in the hand before the step: what a slip counts from after a flag.
         after: the same after the step: what it counts from after a lift.
     """
     new = memory.copy()
-    new[:, CLOSED] = np.where(closed, memory[:, CLOSED] + 1.0, 0.0)
-    new[~closed, HELD] = 0.0
+    new[:, CLOSE_STEPS] = np.where(close_command, memory[:, CLOSE_STEPS] + 1.0, 0.0)
+    new[~close_command, GRASP] = 0.0
     near = np.linalg.norm(after[0], axis=1) < NEAR_M
-    lifted = up & near & (new[:, CLOSED] >= CLOSING_STEPS) & (new[:, HELD] == 0)
-    new[lifted, HELD] = new[lifted, LIFTED] = 1.0
-    flagged = (new[:, HELD] > 0) & (new[:, FLAGGED] > 0)
-    for where, (pos, turn) in ((flagged, before), (lifted, after)):
-        new[where, POS], new[where, QUAT] = pos[where], poses.quat(turn)[where]
+    lift = up & near & (new[:, CLOSE_STEPS] >= CLOSING_STEPS) & (new[:, GRASP] == 0)
+    new[lift, GRASP] = new[lift, LIFT] = 1.0
+    flag = (new[:, GRASP] > 0) & (new[:, FLAG] > 0)
+    for where, (pos, rotation) in ((flag, before), (lift, after)):
+        new[where, POS], new[where, QUAT] = pos[where], poses.quat(rotation)[where]
     return new
 
 
-def slip(now: InHand, memory: Array) -> tuple[Array, Array]:
-    """Turn (rad) and shift (m), both [N], since what `memory` [N, M] holds; 0 where nothing is held."""
-    pos, turn = now
-    held = memory[:, HELD] > 0
-    kept = np.where(held[:, None], memory[:, QUAT], UPRIGHT_QUAT)
-    turned = (poses.rotation(kept).inv() * turn).magnitude()
-    return np.where(held, turned, 0.0), np.where(held, np.linalg.norm(pos - memory[:, POS], axis=1), 0.0)
+def slip(pose: InHand, memory: Array) -> tuple[Array, Array]:
+    """Turn (rad) and shift (m), both [N], from the pose in `memory` [N, M]; 0 where nothing is in the hand."""
+    pos, rotation = pose
+    grasp = memory[:, GRASP] > 0
+    reference = np.where(grasp[:, None], memory[:, QUAT], UPRIGHT_QUAT)
+    turn = (poses.rotation(reference).inv() * rotation).magnitude()
+    return np.where(grasp, turn, 0.0), np.where(grasp, np.linalg.norm(pos - memory[:, POS], axis=1), 0.0)
 
 
 def upright_distance(quat: Array) -> Array:

@@ -2,7 +2,7 @@
 
 The shelf is two pieces of furniture: a floor with walls, and a roof from which further walls hang down past them. Both
 poses belong to a row's state, so position and inner height differ from row to row in one compiled model. Masses and the
-clutter's sizes differ through a bank of edited copies of that model.
+clutter's sizes differ through a bank of variants of that model.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from scipy.stats import qmc
 
 from p2l.errors import ConfigError
 from p2l.records import Array
-from p2l.sim.scene import Parts, Physics, Scene, build, edited
+from p2l.sim.scene import Parts, Physics, Scene, build, model_variant
 
 Edit = Callable[[mujoco.MjModel], None]
 Triple = tuple[float, float, float]
@@ -86,8 +86,8 @@ class Bank:
     """Interchangeable scenes, and names and sizes in them.
 
     Attributes:
-        scenes: K scenes; the drawn model, which is large, is the same in all.
-        edits: K edits that make a copy of the drawn model show a scene's own sizes.
+        scenes: K scenes; the visual model, which is large, is the same in all.
+        edits: K edits that give a copy of the visual model a scene's own sizes.
         lower, upper: bodies of the shelf's two parts.
         object_joint: free joint of what is placed.
         clutter_joints: free joints of the clutter; none without clutter.
@@ -140,21 +140,23 @@ def compose(
     """
     arena = TableArena(table_full_size=TABLE_FULL_M, table_offset=(0.0, 0.0, TABLE_M))
     arena.set_origin([0, 0, 0])
-    lower, upper, held = _lower(), _upper(), thing.make()
+    lower, upper, payload = _lower(), _upper(), thing.make()
     boxes = [] if clutter is None else [_clutter_box(name, clutter) for name in CLUTTER]
-    tracked = {"object": held.root_body} | {name: box.root_body for name, box in zip(CLUTTER, boxes, strict=False)}
+    pose_sensors = {"object": payload.root_body} | {
+        name: box.root_body for name, box in zip(CLUTTER, boxes, strict=False)
+    }
     furniture = (lower.root_body, upper.root_body)
-    parts = Parts(arena, [held, *boxes, lower, upper], BASE_POS_WORLD, furniture, tracked)
+    parts = Parts(arena, [payload, *boxes, lower, upper], BASE_POS_WORLD, furniture, pose_sensors)
     scene = build(arm, parts, physics)
     share = (np.arange(models) + 0.5) / models
     spread = np.zeros((models, 2, 2)) if clutter is None else _sizes(clutter, models)
     edits = tuple(
-        _edit(held.root_body, (low_high(density, share[k])) / thing.density, boxes, spread[k], clutter)
+        _edit(payload.root_body, (low_high(density, share[k])) / thing.density, boxes, spread[k], clutter)
         for k in range(models)
     )
-    scenes = tuple(dataclasses.replace(scene, model=edited(scene.model, edit)) for edit in edits)
+    scenes = tuple(dataclasses.replace(scene, model=model_variant(scene.model, edit)) for edit in edits)
     joints = tuple(box.joints[0] for box in boxes)
-    return Bank(scenes, edits, lower.root_body, upper.root_body, held.joints[0], joints, spread)
+    return Bank(scenes, edits, lower.root_body, upper.root_body, payload.joints[0], joints, spread)
 
 
 def low_high(ends: tuple[float, float], share: float) -> float:

@@ -1,8 +1,8 @@
 """Pick, Move and Place for a thing that stands on a table and belongs onto a shelf (thesis, section 5.4.2).
 
-Open loop, and right if the thing is where it is seen. Move knows the place of the shelf. Place is meant for the pose in
-which Move ends and goes by it: straight in from wherever the hand is, down by the clearance, release, back. Handed
-over from deeper inside, it goes on until the thing is pressed against the back of the shelf (thesis, figure 5.9).
+Open loop, and right if the thing is where it is observed. Move knows the place of the shelf. Place is meant for the
+pose in which Move ends and goes by it: straight in from wherever the hand is, down by the clearance, release, back.
+Started from deeper inside, it goes on until the thing is pressed against the back of the shelf (thesis, figure 5.9).
 
 Axis letters: N rows, W waypoints.
 """
@@ -37,25 +37,25 @@ def options(thing: Thing, hand_quat: Array) -> tuple[Follow, ...]:
         quat = np.tile(hand_quat, (rows, count, 1))
         return Waypoints(np.stack(points, axis=1), quat, np.tile(grip, (rows, 1)))
 
-    def pick(seen: Observation) -> Waypoints:
-        grasp = seen["object_pos_m"] + [0.0, -thing.grip_before_m, thing.grip_above_m]
-        before = seen["object_pos_m"] + [0.0, -thing.half_depth_m - BEFORE_M, thing.grip_above_m]
+    def pick(observation: Observation) -> Waypoints:
+        grasp = observation["object_pos_m"] + [0.0, -thing.grip_before_m, thing.grip_above_m]
+        before = observation["object_pos_m"] + [0.0, -thing.half_depth_m - BEFORE_M, thing.grip_above_m]
         return way([before, grasp, grasp, grasp + [0.0, 0.0, CARRY_M]], [0.0, 0.0, 1.0, 1.0])
 
-    def move(seen: Observation) -> Waypoints:
-        placed = placed_grip(seen)
-        return way([placed + [0.0, -mouth, CLEARANCE_M]], [1.0])
+    def move(observation: Observation) -> Waypoints:
+        goal = grip_goal(observation)
+        return way([goal + [0.0, -mouth, CLEARANCE_M]], [1.0])
 
-    def place(seen: Observation) -> Waypoints:
-        now, placed = seen["target_pos_m"], placed_grip(seen)
-        deep = np.clip(now[:, 1] + mouth, placed[:, 1], placed[:, 1] + BEYOND_M)
-        inside = np.stack([placed[:, 0], deep, now[:, 2]], axis=1)
+    def place(observation: Observation) -> Waypoints:
+        target, goal = observation["target_pos_m"], grip_goal(observation)
+        deep = np.clip(target[:, 1] + mouth, goal[:, 1], goal[:, 1] + BEYOND_M)
+        inside = np.stack([goal[:, 0], deep, target[:, 2]], axis=1)
         down = inside - [0.0, 0.0, CLEARANCE_M]
         return way([inside, down, down, down - [0.0, AWAY_M, 0.0]], [1.0, 1.0, 0.0, 0.0])
 
-    def placed_grip(seen: Observation) -> Array:
+    def grip_goal(observation: Observation) -> Array:
         deep, up = -thing.place_before_m - thing.grip_before_m, thing.bottom_m + thing.grip_above_m
-        return seen["shelf_pos_m"] + [0.0, deep, up]
+        return observation["shelf_pos_m"] + [0.0, deep, up]
 
     def can_pick(truth: Privileged) -> BoolArray:
         """It stands on the table, the hand is empty and on this side of it."""
@@ -67,12 +67,12 @@ def options(thing: Thing, hand_quat: Array) -> tuple[Follow, ...]:
     def can_move(truth: Privileged) -> BoolArray:
         """It is held upright, and hangs so that it fits between floor and roof where Move goes."""
         hangs = truth["grip_pos_m"][:, 2] - truth["object_pos_m"][:, 2] - thing.grip_above_m
-        return held_upright(truth) & fits(truth, CLEARANCE_M - hangs - SAG_M)
+        return upright_in_hand(truth) & fits(truth, CLEARANCE_M - hangs - SAG_M)
 
     def can_place(truth: Privileged) -> BoolArray:
         """It is held upright in front of the shelf or inside, and fits between floor and roof as it is."""
         aside = np.abs(truth["object_pos_m"] - truth["shelf_pos_m"])[:, 0]
-        return held_upright(truth) & fits(truth, truth["object_above_floor_m"][:, 0]) & (aside < ASIDE_M)
+        return upright_in_hand(truth) & fits(truth, truth["object_above_floor_m"][:, 0]) & (aside < ASIDE_M)
 
     def fits(truth: Privileged, above: Array) -> BoolArray:
         roof = truth["shelf_height_m"][:, 0] - thing.bottom_m - thing.top_m
@@ -85,6 +85,6 @@ def options(thing: Thing, hand_quat: Array) -> tuple[Follow, ...]:
     )
 
 
-def held_upright(truth: Privileged) -> BoolArray:
+def upright_in_hand(truth: Privileged) -> BoolArray:
     """[N] whether the thing is in the hand, and stands straight there."""
     return np.asarray((truth["held"][:, 0] > 0) & (upright_distance(truth["object_quat"]) < UPRIGHT))

@@ -59,18 +59,18 @@ class Starts:
     clutter_x_m: Range
     clutter_y_m: Range
 
-    def draw(self, rng: np.random.Generator, n: int) -> Drawn:
+    def draw(self, rng: np.random.Generator, n: int) -> Layouts:
         """N independent draws."""
         value = {name: rng.uniform(ends[0], ends[1], (n, 2)) for name, ends in vars(self).items()}
         one = {name: pair[:, 0] for name, pair in value.items()}
         floor = np.stack([one["shelf_x_m"], one["shelf_y_m"], TABLE_M + one["shelf_lift_m"]], axis=1)
         place = np.stack([one["object_x_m"], one["object_y_m"]], axis=1)
-        return Drawn(place, floor, one["shelf_height_m"], value["clutter_x_m"], value["clutter_y_m"])
+        return Layouts(place, floor, one["shelf_height_m"], value["clutter_x_m"], value["clutter_y_m"])
 
 
 @dataclass(frozen=True)
-class Drawn:
-    """N draws.
+class Layouts:
+    """N layouts of the scene.
 
     Attributes:
         object_m: [N, 2] place of the thing on the table.
@@ -100,33 +100,33 @@ class Drawn:
         )
 
 
-def checked(thing: Thing, given: Mapping[str, Sequence[float]]) -> Starts:
+def starts_of(thing: Thing, params: Mapping[str, Sequence[float]]) -> Starts:
     """The ranges of `Starts` out of a world's parameters, refused where things would stand in one another.
 
     Raises:
-        ConfigError: naming the range, what was given and what is allowed.
+        ConfigError: naming the range, its value and its bounds.
     """
     half_table = TABLE_FULL_M[0] / 2
-    allowed: Mapping[str, Range] = {
+    bounds: Mapping[str, Range] = {
         "object_x_m": (-half_table, half_table),
         "object_y_m": (-half_table, half_table),
         "shelf_lift_m": (WALL_M, FOOT_M),
         "shelf_height_m": (thing.bottom_m + thing.top_m + 0.01, MAX_HEIGHT_M),
         "clutter_x_m": (0.045, INNER_WIDTH_M / 2 - CLUTTER_HALF_X_M),
     }
-    return Starts(**{f.name: interval(f.name, given[f.name], allowed.get(f.name, (-1.0, 1.0))) for f in fields(Starts)})
+    return Starts(**{f.name: interval(f.name, params[f.name], bounds.get(f.name, (-1.0, 1.0))) for f in fields(Starts)})
 
 
-def interval(name: str, pair: Sequence[float], allowed: Range) -> Range:
-    """[low, high], checked.
+def interval(name: str, pair: Sequence[float], bounds: Range) -> Range:
+    """`pair` as [low, high].
 
     Raises:
-        ConfigError: reversed, not finite, or outside of `allowed`.
+        ConfigError: reversed, not finite, or outside of `bounds`.
     """
     if len(pair) != 2 or not np.isfinite(pair).all() or pair[0] > pair[1]:
         raise ConfigError(f"shelf: {name} must be [low, high] with low ≤ high, got {list(pair)}")
-    if pair[0] < allowed[0] or pair[1] > allowed[1]:
-        raise ConfigError(f"shelf: {name} must lie within [{allowed[0]:g}, {allowed[1]:g}], got {list(pair)}")
+    if pair[0] < bounds[0] or pair[1] > bounds[1]:
+        raise ConfigError(f"shelf: {name} must lie within [{bounds[0]:g}, {bounds[1]:g}], got {list(pair)}")
     return float(pair[0]), float(pair[1])
 
 
@@ -137,7 +137,7 @@ def positive(params: Mapping[str, Any], *names: str) -> None:
             raise ConfigError(f"shelf: {name} must be positive, got {params[name]}")
 
 
-def sized(name: str, values: Sequence[float], size: int) -> tuple[float, ...]:
+def vector(name: str, values: Sequence[float], size: int) -> tuple[float, ...]:
     """`values`, refused where there are not `size` of them."""
     if len(values) != size:
         raise ConfigError(f"shelf: {name} must hold {size} numbers, got {list(values)}")
@@ -178,7 +178,7 @@ def posture(scene: Scene, thing: Thing, starts: Starts) -> tuple[Array, Array]:
 def _places(thing: Thing, starts: Starts) -> list[Array]:
     """Where the grip site must get to: first the start, then the extremes of grasp, lift, both sides of the mouth."""
     grip, height = thing.grip_before_m, TABLE_M + thing.bottom_m + thing.grip_above_m
-    placed = grip + thing.place_before_m
+    goal_depth = grip + thing.place_before_m
     side = thing.half_depth_m + START_BEFORE_M
     middle = np.array([np.mean(starts.object_x_m), np.mean(starts.object_y_m) - side, height])
     places = [middle]
@@ -186,7 +186,7 @@ def _places(thing: Thing, starts: Starts) -> list[Array]:
         places += [np.array([x, y - grip, height + up]) for up in (0.0, CARRY_M)]
     out = DEPTH_M / 2 + thing.half_depth_m + APPROACH_M
     for x, y, lift in product(starts.shelf_x_m, starts.shelf_y_m, starts.shelf_lift_m):
-        places += [np.array([x, y - before - placed, height + lift]) for before in (0.0, out, AWAY_M)]
+        places += [np.array([x, y - before - goal_depth, height + lift]) for before in (0.0, out, AWAY_M)]
     return places
 
 

@@ -1,7 +1,7 @@
-"""A thing from the table onto a shelf, seen in the wrong place; with and without clutter there (thesis, 5.4.2, 5.4.3).
+"""A thing from the table onto a shelf, observed at a wrong place; with and without clutter (thesis, 5.4.2, 5.4.3).
 
-The hand closes on the box where it is seen. A box that is held too high above its middle hangs too low: it runs into
-the edge of the shelf's floor, and may turn in the hand before the arm is stopped.
+The hand closes on the box where it is observed. A box that is held too high above its middle hangs too low: it runs
+into the edge of the shelf's floor, and may turn in the hand before the arm is stopped.
 
 Where the thesis is silent, and deviations from it:
 1. Detectors judge the mean force of a control step, as a filtered sensor does, against a limit tuned like the thesis's
@@ -34,12 +34,12 @@ from p2l.contracts.rows import Command, Rows
 from p2l.contracts.world import NO_FAILURE, View
 from p2l.records import Array, BoolArray, IntArray
 from p2l.sim.batch import Chunk
-from p2l.sim.scene import FINGER_OPEN_M, FINGERS, WRIST_FORCE, Physics, edited
+from p2l.sim.scene import FINGER_OPEN_M, FINGERS, WRIST_FORCE, Physics, model_variant
 from p2l.worlds.robot import Fields, RobotWorld
 from p2l.worlds.shelf import hold as hand
 from p2l.worlds.shelf.scene import CLUTTER, DEPTH_M, INNER_WIDTH_M, TABLE_M, Clutter, compose, find
 from p2l.worlds.shelf.skills import options
-from p2l.worlds.shelf.starts import checked, interval, positive, posture, sized
+from p2l.worlds.shelf.starts import interval, positive, posture, starts_of, vector
 
 IMPEDANCE = {"stiffness_linear": 2000.0, "stiffness_angular": 200.0, "damping_linear": 180.0, "damping_angular": 20.0}
 KINDS = ("collision", "collision_slip", "dropped", "on_table")
@@ -58,13 +58,13 @@ class Shelf(RobotWorld):
 
     Args:
         arm: robosuite's name of the arm.
-        object: what is placed, one of `worlds.shelf_scene.THINGS`.
+        object: what is placed, one of `worlds.shelf.scene.THINGS`.
         clutter: whether two boxes stand on the shelf.
         estimator: how the estimate of the thing's position errs.
         sigma_m: its standard deviation in y (into the shelf) and z, m.
         shelf_sigma_m: standard deviation of the shelf's estimated position in x, y and z, m.
         object_x_m, object_y_m, shelf_x_m, shelf_y_m, shelf_lift_m, shelf_height_m, clutter_x_m, clutter_y_m: ranges of
-            start states, see `worlds.shelf_starts.Starts`.
+            start states, see `worlds.shelf.starts.Starts`.
         density_kg_m3: range of the thing's density.
         clutter_half_y_m, clutter_half_z_m: ranges of the clutter's half depth and half height, m.
         clutter_density_kg_m3: of the clutter.
@@ -116,8 +116,8 @@ class Shelf(RobotWorld):
     ) -> None:
         params = {name: value for name, value in locals().items() if name not in ("self", "nthread", "__class__")}
         positive(params, "force_limit_n", "slip_limit_rad", "slip_limit_m", "clutter_limit_rad", "models")
-        self.thing, self.starts = find(object), checked(find(object), params)
-        sigma = (*sized("sigma_m", sigma_m, 2), *sized("shelf_sigma_m", shelf_sigma_m, 3))
+        self.thing, self.starts = find(object), starts_of(find(object), params)
+        sigma = (*vector("sigma_m", sigma_m, 2), *vector("shelf_sigma_m", shelf_sigma_m, 3))
         sigma = sigma if any(sigma[2:]) else sigma[:2]  # without errors of the shelf, no numbers are drawn for them
         heavy = interval("density_kg_m3", density_kg_m3, (1.0, 2000.0))
         sizes = Clutter(
@@ -138,13 +138,13 @@ class Shelf(RobotWorld):
         self._start, self.hand_quat = posture(self.scenes[0], self.thing, self.starts)
         self.observe_hand_as(-self.hand_quat)  # which is how the Panda's joints put it
 
-    def drawn(self, model: int) -> mujoco.MjModel:
-        """The twin with visuals, clutter in this model's sizes."""
-        return edited(self.scenes[model].drawn, self.bank.edits[model])
+    def visual_model(self, model: int) -> mujoco.MjModel:
+        """The model with visual geoms, clutter in this model's sizes."""
+        return model_variant(self.scenes[model].visual_model, self.bank.edits[model])
 
     def sample(self, rng: np.random.Generator, n: int) -> Rows:
         """N starts: the thing upright on the table, the hand open before it."""
-        drawn = self.starts.draw(rng, n)
+        layouts = self.starts.draw(rng, n)
         model = rng.integers(len(self.scenes), size=n)
         noise = self.estimator.draw(rng, n)
         qpos = np.zeros((n, self.engine.nq))
@@ -153,11 +153,11 @@ class Shelf(RobotWorld):
         for joint, side in zip(FINGERS, (1.0, -1.0), strict=True):
             qpos[:, self._columns[joint] - 1] = side * FINGER_OPEN_M
         height = np.full((n, 1), TABLE_M + self.thing.bottom_m)
-        self._stand(qpos, self.bank.object_joint, np.concatenate([drawn.object_m, height], axis=1))
+        self._stand(qpos, self.bank.object_joint, np.concatenate([layouts.object_m, height], axis=1))
         for box, joint in enumerate(self.bank.clutter_joints):
-            self._stand(qpos, joint, drawn.clutter_pos_m(self.bank.clutter_half_m[model])[:, box])
+            self._stand(qpos, joint, layouts.clutter_pos_m(self.bank.clutter_half_m[model])[:, box])
         upright = np.tile(hand.UPRIGHT_QUAT, (n, 1))
-        parts = {self.bank.lower: drawn.floor_m, self.bank.upper: drawn.roof_m}
+        parts = {self.bank.lower: layouts.floor_m, self.bank.upper: layouts.roof_m}
         furniture = {name: np.concatenate([pos, upright], axis=1) for name, pos in parts.items()}
         return self.rows(qpos, noise, model=model, furniture=furniture)
 
@@ -175,19 +175,19 @@ class Shelf(RobotWorld):
         }
 
     def _truth(self, rows: Rows) -> Fields:
-        now = self._in_hand(rows)
-        turned, shifted = hand.slip(now, rows.memory)
+        pose = self._in_hand(rows)
+        turn, shift = hand.slip(pose, rows.memory)
         lower, upper = (self.furniture(rows, name)[:, 2] for name in (self.bank.lower, self.bank.upper))
         truth = self._body(rows) | {
             "object_pos_m": self.read(rows, "object_pos"),
             "object_quat": self.read(rows, "object_quat"),
-            "object_in_hand_m": now[0],
+            "object_in_hand_m": pose[0],
             "object_speed_m_s": self._speed(rows),
             "object_above_floor_m": self.read(rows, "object_pos")[:, 2] - self.thing.bottom_m - lower,
             "shelf_height_m": upper - lower,
-            "held": rows.memory[:, hand.HELD],
-            "slip_rad": turned,
-            "slip_m": shifted,
+            "held": rows.memory[:, hand.GRASP],
+            "slip_rad": turn,
+            "slip_m": shift,
             "force_n": rows.memory[:, hand.FORCE],
         }
         for name in self._clutter:
@@ -195,7 +195,7 @@ class Shelf(RobotWorld):
             truth[f"{name}_turn_rad"] = hand.turn_rad(self.read(rows, f"{name}_quat"))
         return truth
 
-    def _seen(self, rows: Rows, error: Array) -> Fields:
+    def _observation(self, rows: Rows, error: Array) -> Fields:
         body = self._body(rows)
         return body | {
             "object_pos_m": self.read(rows, "object_pos") + np.pad(error[:, :2], ((0, 0), (1, 0))),
@@ -215,28 +215,29 @@ class Shelf(RobotWorld):
         return np.asarray(self.read(rows, "object_pos")[:, 2] <= TABLE_M + LYING_M)
 
     def _clutter_turned(self, rows: Rows) -> BoolArray:
-        turned = [hand.turn_rad(self.read(rows, f"{name}_quat")) > self.clutter_limit_rad for name in self._clutter]
-        return np.asarray(np.any([np.zeros(len(rows), dtype=np.bool_), *turned], axis=0))
+        turns = [hand.turn_rad(self.read(rows, f"{name}_quat")) > self.clutter_limit_rad for name in self._clutter]
+        return np.asarray(np.any([np.zeros(len(rows), dtype=np.bool_), *turns], axis=0))
 
     def monitor(self, before: Rows, after: Rows, chunk: Chunk, command: Command) -> tuple[IntArray, Array]:
         """The detectors; see `KINDS` and the module's notes 1 and 2."""
-        was = before.memory
+        past = before.memory
         force = np.linalg.norm(self.engine.sensor(chunk, WRIST_FORCE).mean(axis=1), axis=1)
         high = force > self.force_limit_n
-        closed, now = command.grip > 0.5, self._in_hand(after)
+        close_command, pose = command.grip > 0.5, self._in_hand(after)
         up = self.read(after, "object_pos")[:, 2] > TABLE_M + self.thing.bottom_m + LIFTED_M
-        memory = hand.hold(was, closed, up & (self.gap_m(after) > EMPTY_GAP_M), self._in_hand(before), now)
-        turned, shifted = hand.slip(now, memory)
-        slipped = (turned > self.slip_limit_rad) | (shifted > self.slip_limit_m)
-        empty = closed & (self.gap_m(after) <= EMPTY_GAP_M)
-        empty &= (was[:, hand.CLOSED] == 0) | (self.gap_m(before) > EMPTY_GAP_M)
+        in_fingers = up & (self.gap_m(after) > EMPTY_GAP_M)
+        memory = hand.hold(past, close_command, in_fingers, self._in_hand(before), pose)
+        turn, shift = hand.slip(pose, memory)
+        slip = (turn > self.slip_limit_rad) | (shift > self.slip_limit_m)
+        empty = close_command & (self.gap_m(after) <= EMPTY_GAP_M)
+        empty &= (past[:, hand.CLOSE_STEPS] == 0) | (self.gap_m(before) > EMPTY_GAP_M)
         kind = np.full(len(after), NO_FAILURE, dtype=np.int64)
         kind[self._clutter_turned(after) & ~self._clutter_turned(before)] = CLUTTER_ROTATED
         kind[high] = COLLISION
-        kind[slipped] = SLIP
-        kind[(memory[:, hand.LIFTED] > 0) & self._lies(after) & ~self._lies(before)] = ON_TABLE
+        kind[slip] = SLIP
+        kind[(memory[:, hand.LIFT] > 0) & self._lies(after) & ~self._lies(before)] = ON_TABLE
         kind[empty] = DROPPED
-        memory[:, hand.FORCE], memory[:, hand.FLAGGED] = force, high | slipped
+        memory[:, hand.FORCE], memory[:, hand.FLAG] = force, high | slip
         return kind, memory
 
     def goal(self, rows: Rows) -> BoolArray:
@@ -244,12 +245,12 @@ class Shelf(RobotWorld):
         pos, quat = self.read(rows, "object_pos"), self.read(rows, "object_quat")
         target = self.furniture(rows, self.bank.lower)[:, :3] + [0.0, -self.thing.place_before_m, self.thing.bottom_m]
         off = np.abs(pos - target)
-        placed = (off[:, 1] < TARGET_M) & (off[:, 2] < TARGET_M)
-        placed &= off[:, 0] < INNER_WIDTH_M / 2 - self.thing.half_width_m
+        at_goal = (off[:, 1] < TARGET_M) & (off[:, 2] < TARGET_M)
+        at_goal &= off[:, 0] < INNER_WIDTH_M / 2 - self.thing.half_width_m
         rests = (self._speed(rows) < REST_M_S) & (hand.upright_distance(quat) < hand.UPRIGHT)
         away = np.linalg.norm(self.read(rows, "grip_pos") - pos, axis=1) >= AWAY_M
         off_fingers = self.gap_m(rows) > 2.0 * self.thing.half_width_m + 0.01
-        return np.asarray(placed & rests & away & off_fingers & ~self._clutter_turned(rows))
+        return np.asarray(at_goal & rests & away & off_fingers & ~self._clutter_turned(rows))
 
     def nominal_options(self) -> tuple[Option, ...]:
         """Pick, move, place."""
@@ -261,8 +262,8 @@ class Shelf(RobotWorld):
 
     def strategies(self, before: Rows, after: Rows) -> dict[str, BoolArray]:
         """`up` and `inside`: the hand is higher, or deeper in the direction of the shelf, by more than `MOVED_M`."""
-        moved = self.read(after, "grip_pos") - self.read(before, "grip_pos")
-        return {"up": moved[:, 2] > MOVED_M, "inside": moved[:, 1] > MOVED_M}
+        shift = self.read(after, "grip_pos") - self.read(before, "grip_pos")
+        return {"up": shift[:, 2] > MOVED_M, "inside": shift[:, 1] > MOVED_M}
 
 
 ClutteredShelf = partial(Shelf, clutter=True)

@@ -1,4 +1,4 @@
-"""What `evaluate_chains` leaves for people: tables, figures 5.5, 5.8 and 5.9, headline numbers."""
+"""The report of `evaluate_chains`: tables, figures 5.5, 5.8 and 5.9, headline numbers."""
 
 from __future__ import annotations
 
@@ -15,23 +15,23 @@ from p2l.evaluation.chaining.ablation import OWN, ablation_5
 from p2l.evaluation.chaining.ablation import TABLE as ABLATION
 from p2l.evaluation.chaining.elsewhere import TABLE as TRANSFERS
 from p2l.evaluation.chaining.elsewhere import table_5_2
-from p2l.evaluation.chaining.figures import MAIN, learning_curves, options_tried
+from p2l.evaluation.chaining.figures import MAIN, learning_curves, option_counts
 from p2l.evaluation.chaining.rates import totals
 from p2l.evaluation.chaining.reuse import TABLE as REUSE
 from p2l.evaluation.chaining.reuse import figure_5_9, novel_starts
 from p2l.evaluation.chaining.strategies import TABLE as STRATEGIES
 from p2l.evaluation.chaining.strategies import strategies_5
-from p2l.evaluation.sheets import load_sheet, pooled, save_sheets
+from p2l.evaluation.sheets import aggregates, load_sheet, save_sheets
 from p2l.evaluation.thesis import load_thesis
 
 CHAPTER = 5
 STEPS = "steps_to_thesis"
-_NEEDED = {"rounds": ("learner", "seed", "round"), "evaluations": ("learner", "seed", "control_steps", "success")}
+_COLUMNS = {"rounds": ("learner", "seed", "round"), "evaluations": ("learner", "seed", "control_steps", "success")}
 
 
 @dataclass(frozen=True)
 class ChainEvaluation:
-    """All that was run in one world, and how it was learnt.
+    """Evaluation of policies in one world, and their training runs.
 
     Attributes:
         item: the world, or a variant of it.
@@ -39,7 +39,7 @@ class ChainEvaluation:
         runs: of `chain_recoveries`.
         transfers: of `chain_transfer.transfer_of_seed`.
         reuse: of `chain_reuse`.
-        ablation: of `chain_episodes`, by variant, each learnt and judged in itself.
+        ablation: of `chain_episodes`, by variant of the world.
     """
 
     item: str
@@ -51,17 +51,17 @@ class ChainEvaluation:
 
 
 def read_runs(folder: Path, learners: Sequence[str], seeds: Sequence[int]) -> list[tables.Learning]:
-    """Curves of the runs that are evaluated, from `rounds.csv` and `evaluations.csv`.
+    """Learning curves of the evaluated policies, from `rounds.csv` and `evaluations.csv`.
 
     Raises:
-        ArtifactError: missing, without a needed column, or without one of the runs.
+        ArtifactError: a file, a column or a run is missing.
     """
     advice = "run `python -m stages.chain_recoveries` with compare=[…]"
-    found = {name: load_sheet(folder / f"{name}.csv", columns, advice) for name, columns in _NEEDED.items()}
+    sheets = {name: load_sheet(folder / f"{name}.csv", columns, advice) for name, columns in _COLUMNS.items()}
     runs = []
     for learner in learners:
         for seed in seeds:
-            parts = {name: _of(table, learner, seed) for name, table in found.items()}
+            parts = {name: _of(table, learner, seed) for name, table in sheets.items()}
             if not all(len(part) for part in parts.values()):
                 raise ArtifactError(
                     f"{folder}: holds no curves of {learner}, seed {seed}; run `python -m stages.chain_recoveries` "
@@ -71,39 +71,44 @@ def read_runs(folder: Path, learners: Sequence[str], seeds: Sequence[int]) -> li
     return runs
 
 
-def chain_report(out: Path, found: ChainEvaluation, thesis: Path) -> tuple[dict[str, float], list[Path]]:
+def chain_report(out: Path, evaluation: ChainEvaluation, thesis: Path) -> tuple[dict[str, float], list[Path]]:
     """Write the tables as CSV, the figures as PNG, and summary.json.
+
+    Args:
+        out: folder.
+        evaluation: what to report.
+        thesis: folder of the thesis's numbers.
 
     Returns:
         headline numbers, and the files.
     """
-    told, runs = load_thesis(thesis, CHAPTER), {found.item: found.runs}
-    made = {tables.TABLE: tables.table_5_1({found.item: found.episodes}, told)}
-    made[TRANSFERS] = table_5_2(found.item, found.transfers, told)
-    own = {OWN: found.episodes[found.episodes["learner"] == MAIN]}
-    made[ABLATION] = ablation_5(found.item, {**own, **found.ablation}, told)
-    made[STRATEGIES] = strategies_5(found.item, found.reuse, told)
-    made[REUSE] = figure_5_9(found.item, found.reuse, told)
-    made[tables.CURVES] = tables.figure_5_5(runs, told)
-    made[tables.TRIED] = tables.figure_5_8(runs, told)
-    made[STEPS] = tables.steps_to_thesis(made[tables.TABLE], runs, told)
+    reference, runs = load_thesis(thesis, CHAPTER), {evaluation.item: evaluation.runs}
+    sheets = {tables.TABLE: tables.table_5_1({evaluation.item: evaluation.episodes}, reference)}
+    sheets[TRANSFERS] = table_5_2(evaluation.item, evaluation.transfers, reference)
+    own = {OWN: evaluation.episodes[evaluation.episodes["learner"] == MAIN]}
+    sheets[ABLATION] = ablation_5(evaluation.item, {**own, **evaluation.ablation}, reference)
+    sheets[STRATEGIES] = strategies_5(evaluation.item, evaluation.reuse, reference)
+    sheets[REUSE] = figure_5_9(evaluation.item, evaluation.reuse, reference)
+    sheets[tables.CURVES] = tables.figure_5_5(runs, reference)
+    sheets[tables.OPTIONS] = tables.figure_5_8(runs, reference)
+    sheets[STEPS] = tables.steps_to_thesis(sheets[tables.TABLE], runs, reference)
     figures = {
-        tables.CURVES: learning_curves(made[tables.CURVES]),
-        tables.TRIED: options_tried(made[tables.TRIED], found.item, MAIN),
-        REUSE: novel_starts(made[REUSE], found.item, MAIN),
+        tables.CURVES: learning_curves(sheets[tables.CURVES]),
+        tables.OPTIONS: option_counts(sheets[tables.OPTIONS], evaluation.item, MAIN),
+        REUSE: novel_starts(sheets[REUSE], evaluation.item, MAIN),
     }
-    save_sheets(out, made, figures)
-    facts = {str(learner): totals(part) for learner, part in found.episodes.groupby("learner", sort=False)}
+    save_sheets(out, sheets, figures)
+    facts = {str(learner): totals(part) for learner, part in evaluation.episodes.groupby("learner", sort=False)}
     save_json(out / "summary.json", {"learners": facts}, schema="chain_evaluation", version=1)
     numbers = {f"{learner}/{name}": one["mean"] for learner, part in facts.items() for name, one in part.items()}
-    for row in pooled(made[TRANSFERS]).to_dict("records"):
+    for row in aggregates(sheets[TRANSFERS]).to_dict("records"):
         if row["metric"] == "recovery":
             numbers[f"{row['method']}/{str(row['setting']).rpartition('=')[2]}/recovery"] = row["mean"]
-    files = [*(out / f"{name}.csv" for name in made), *(out / f"{name}.png" for name in figures)]
+    files = [*(out / f"{name}.csv" for name in sheets), *(out / f"{name}.png" for name in figures)]
     return {name: value for name, value in numbers.items() if finite(value) is not None}, files
 
 
 def _of(table: pd.DataFrame, learner: str, seed: int) -> pd.DataFrame:
-    """One run's rows; columns of other learners' actions go."""
+    """One run's rows, without the columns of other learners' actions."""
     rows = table[(table["learner"] == learner) & (table["seed"] == seed)]
     return rows.dropna(axis=1, how="all").reset_index(drop=True)

@@ -1,4 +1,4 @@
-"""What `learn_recoveries` leaves for people: tables, figures, headline numbers, and a word where training failed."""
+"""The report of `learn_recoveries`: tables, figures, headline numbers, and notes on modes without a recovery."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def learning_report(
 
     Args:
         out: folder.
-        item: what was trained, for titles.
+        item: the world's name, for titles.
         setting: shared by all.
         histories: by (seed, chooser).
         choosers: the first one's skills are kept.
@@ -32,12 +32,12 @@ def learning_report(
     targets, first = setting.task.targets, choosers[0]
     values = value_table(histories, setting.graph)
     allocation = allocation_table(histories, targets)
-    compared = comparison_table(values, first)
+    comparison = comparison_table(values, first)
     tables = {
         "rounds": rounds_table(histories, targets),
         "figure_4_6": allocation,
         "figure_4_7": values,
-        "choosers": compared,
+        "choosers": comparison,
     }
     figures = {
         "figure_4_6": allocation_figure(values, allocation, choosers[:2], f"{item}: rounds of training"),
@@ -46,29 +46,29 @@ def learning_report(
     for (seed, chooser), history in histories.items():
         if chooser == first:
             graph = setting.graph.with_q(history.best)
-            told = f"{item}: seed {seed}, {chooser}"
-            figures[f"graphs/s{seed}"] = graph_figure(graph, history.trained, targets, told)
+            title = f"{item}: seed {seed}, {chooser}"
+            figures[f"graphs/s{seed}"] = graph_figure(graph, history.counts, targets, title)
     save_sheets(out, tables, figures)
-    facts = _facts(setting, histories, values, compared)
+    facts = _facts(setting, histories, values, comparison)
     save_json(out / "summary.json", facts, schema="learn_summary", version=1)
     metrics = {f"value/{name}": float(value) for name, value in facts["final_value"].items()}
     files = (*(out / f"{name}.png" for name in figures), out / "rounds.csv")
     return StageReport({**metrics, "solved": facts["solved"]}, files, tuple(_notes(setting, histories)))
 
 
-def _facts(setting: Setting, histories: Histories, values: pd.DataFrame, compared: pd.DataFrame) -> dict[str, Any]:
+def _facts(setting: Setting, histories: Histories, values: pd.DataFrame, comparison: pd.DataFrame) -> dict[str, Any]:
     final = values[values["queries"] == values["queries"].max()].groupby("chooser", sort=False)["value"].mean()
-    solved = [each.solved for history in histories.values() for each in history.rounds]
+    successes = [each.solved for history in histories.values() for each in history.rounds]
     against = {
         str(other): {"better": int(group["better"].sum()), "seeds": len(group), "shares": _plain(group["share"])}
-        for other, group in compared.groupby("other")
+        for other, group in comparison.groupby("other")
     }
     return {
         "failures": len(setting.failures.mode),
         "held_out": len(setting.held_out.mode),
         "sizes": setting.graph.sizes.tolist(),
         "final_value": {str(name): float(value) for name, value in final.items()},
-        "solved": float(np.mean(solved)),
+        "solved": float(np.mean(successes)),
         "against": against,
     }
 
@@ -78,7 +78,7 @@ def _plain(column: pd.Series[float]) -> list[float | None]:
 
 
 def _notes(setting: Setting, histories: Histories) -> list[str]:
-    """A mode none of whose recoveries ever succeeded stays where it was; that is said, not hidden."""
+    """Notes on modes none of whose recoveries ever succeeded."""
     lines = []
     for (seed, chooser), history in histories.items():
         for mode in hopeless(history).tolist():

@@ -1,0 +1,78 @@
+"""One registry: names of ours, entry points, targets; one message for what is unknown and for what is not taken."""
+
+from importlib.metadata import EntryPoint
+
+import pytest
+
+from p2l import registry
+from p2l.errors import ConfigError
+from p2l.registry import Registry
+
+
+def pair(left: int, right: int = 2) -> tuple[int, int]:
+    return left, right
+
+
+def anything(**params: int) -> dict[str, int]:
+    return params
+
+
+@pytest.fixture
+def pairs():
+    return Registry("pair", {"ours": lambda: pair})
+
+
+def test_nothing_is_imported_before_it_is_asked_for():
+    def fail():
+        raise AssertionError("imported")
+
+    lazy = Registry("thing", {"heavy": fail})
+    assert lazy.names() == ("heavy",)
+    assert lazy.check("heavy") == "heavy"
+    with pytest.raises(AssertionError, match="imported"):
+        lazy.factory("heavy")
+
+
+def test_a_target_needs_no_registration(pairs):
+    assert pairs.factory(f"{__name__}:pair") is pair
+    assert pairs.factory_for(f"{__name__}:anything", {"whatever": 1}) is anything
+    pairs.register("theirs", f"{__name__}:pair")
+    pairs.register("theirs", f"{__name__}:pair")
+    assert pairs.names() == ("ours", "theirs")
+    assert pairs.factory("theirs") is pair
+
+
+def test_entry_points_of_installed_packages_are_found(pairs, monkeypatch):
+    point = EntryPoint("installed", f"{__name__}:pair", "p2l.pairs")
+    monkeypatch.setattr(registry, "entry_points", lambda group: [point] if group == "p2l.pairs" else [])
+    assert pairs.names() == ("installed", "ours")
+    assert pairs.factory("installed") is pair
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("others", "unknown pair 'others'; known: ours, or 'package.module:attribute'"),
+        ("tests.nowhere:pair", "pair 'tests.nowhere:pair': there is no module 'tests.nowhere' on Python's path"),
+        ("tests.test_registry:nothing", "module 'tests.test_registry' has no 'nothing'"),
+    ],
+)
+def test_what_is_unknown_is_said_in_one_message(pairs, name, message):
+    with pytest.raises(ConfigError) as caught:
+        pairs.check(name)
+    assert message in str(caught.value)
+
+
+def test_parameters_are_checked_against_the_factory(pairs):
+    assert pairs.factory_for("ours", {"right": 3}, own=["left"]) is pair
+    with pytest.raises(ConfigError, match=r"^pair 'ours': unknown parameters \['middle'\]; allowed: right$"):
+        pairs.factory_for("ours", {"middle": 1}, own=["left"])
+    with pytest.raises(ConfigError, match=r"unknown parameters \['left'\]; allowed: extra, right"):
+        pairs.factory_for("ours", {"left": 1, "extra": 2}, own=["left"], also=["extra"])
+
+
+def test_a_name_stands_for_one_thing(pairs):
+    with pytest.raises(ConfigError, match="already registered; choose another name"):
+        pairs.register("ours", f"{__name__}:pair")
+    with pytest.raises(ConfigError, match=r"'tests\.test_registry' has no colon; write 'package\.module:attribute'"):
+        pairs.register("new", "tests.test_registry")
