@@ -16,8 +16,8 @@ from stages._stage import stage
 
 @stage("watch", WatchConfig)
 def run(cfg: WatchConfig, out: Path, track: Tracker) -> None:
-    """Write `<item>-<what>.mp4` and print its path."""
-    backend()  # nothing is simulated where nothing can be drawn
+    """Write `<item>-<what>.mp4` and print its path; nothing is simulated where nothing can be drawn."""
+    backend()
     file = out / f"{cfg.item}-{cfg.method}.mp4"
     caption = _execution(cfg, file) if cfg.policy is None else _recovery(cfg, cfg.policy, file)
     track.artifact(file)
@@ -46,11 +46,9 @@ def _recovery(cfg: WatchConfig, folder: Path, file: Path) -> str:
     from p2l.evaluation.video.chains import film_side_by_side
 
     world = make_world(cfg.world.key, cfg.world.params)
-    one = (
-        None
-        if cfg.failure is None
-        else one_failure(load_failures(cfg.failures), cfg.failure, cfg.world.key, cfg.failures)
-    )
+    one = None
+    if cfg.failure is not None:
+        one = one_failure(load_failures(cfg.failures), cfg.failure, cfg.world.key, cfg.failures)
     rng = generator(cfg.seed, "watch", world.name, "recovery")
     clips = policy_clips(world, folder, one, cfg.failures, rng, transfer=cfg.transfer)
     video = VideoOptions(**cfg.video.model_dump())

@@ -10,7 +10,16 @@ from pathlib import Path
 
 
 class P2LError(Exception):
-    """Base of all errors that the input, the configuration or the surroundings cause."""
+    """Base of all errors that the input, the configuration or the surroundings cause.
+
+    Example:
+        >>> from p2l import P2LError, make_chooser
+        >>> try:
+        ...     make_chooser("gut_feeling")
+        ... except P2LError as error:
+        ...     print(error)  # doctest: +ELLIPSIS
+        unknown chooser 'gut_feeling'; known: metareskill, oracle, round_robin, ...
+    """
 
     exit_code = 2
 

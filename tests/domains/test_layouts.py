@@ -3,6 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from p2l.domains.insertion.features import WALLS_PER_SCENE, task_features, wall_distances_cm
 from p2l.domains.insertion.layouts import (
     CELL,
     WALLS_OF_ENVIRONMENT,
@@ -15,13 +16,7 @@ from p2l.domains.insertion.layouts import (
     sample_board_tasks,
     sample_grid_tasks,
 )
-from p2l.domains.insertion.physics import (
-    WALLS_PER_SCENE,
-    InsertionPhysics,
-    build_model,
-    task_features,
-    wall_distances_cm,
-)
+from p2l.domains.insertion.physics import InsertionPhysics, build_model
 from p2l.errors import ConfigError
 
 

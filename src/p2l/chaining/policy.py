@@ -173,6 +173,13 @@ def load_policy(folder: Path, *, identity: str | None = None) -> Policy:
 
     Raises:
         ArtifactError: missing or damaged.
+
+    Example:
+        >>> from pathlib import Path
+        >>> from p2l import load_policy
+        >>> policy = load_policy(Path("results/thesis/records/policies/pick_place-rc-s0"))
+        >>> policy.card.world, policy.card.learner, policy.card.actions[-1]
+        ('pick_place', 'rc', 'from place')
     """
     if absent := not (folder / FILE).is_file() and _card_file(folder).is_file():
         if identity is None:

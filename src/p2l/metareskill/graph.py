@@ -37,6 +37,15 @@ class SkillGraph:
         skill_reward: of executing a nominal skill, at most 0.
         recovery_reward: of executing a recovery, at most 0.
         c_fail: penalty of *Fail*, above 0.
+
+    Example:
+        Two nominal skills to the goal, and two failure modes, one twice as common; no recovery is trained yet.
+
+        >>> import numpy as np
+        >>> from p2l import SkillGraph
+        >>> graph = SkillGraph(nominal=np.array([0.9, 0.8]), sizes=np.array([20.0, 10.0]), q=np.zeros((2, 3)))
+        >>> graph.share.round(2).tolist()
+        [0.67, 0.33]
     """
 
     nominal: Array

@@ -23,6 +23,11 @@ class Trained:
         q: success rate on held-out failures of the mode.
         trials: held-out failures behind it; 0 if it was not measured.
         solved: the query found a recovery for its own failure state.
+
+    Example:
+        >>> from p2l import Trained
+        >>> Trained(q=0.75, trials=20)
+        Trained(q=0.75, trials=20, solved=True)
     """
 
     q: float
@@ -79,6 +84,13 @@ class History:
         initial: [I, M] success rates before any training.
         rounds: T of them, oldest first.
         generator: state of the chooser's random generator after the last round, as JSON; empty before the first.
+
+    Example:
+        >>> import numpy as np
+        >>> from p2l import History
+        >>> history = History(np.zeros((2, 3)))  # two modes, three targets, nothing trained
+        >>> len(history), history.counts.tolist()
+        (0, [[0, 0, 0], [0, 0, 0]])
     """
 
     initial: Array

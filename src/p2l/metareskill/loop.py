@@ -46,6 +46,16 @@ def learn(
     Raises:
         ConfigError: fewer rounds than the chooser's initial ones, no training per round, a generator whose state
             cannot be kept, or a history of another graph. Raised at the call, before any training.
+
+    Example:
+        >>> import numpy as np
+        >>> from p2l import SkillGraph, Trained, learn, make_chooser
+        >>> graph = SkillGraph(nominal=np.array([0.9]), sizes=np.array([3.0]), q=np.zeros((1, 2)))
+        >>> def train(mode, target, trainings):
+        ...     return Trained(q=(0.9 if target == 1 else 0.4) * (1.0 - 0.5 ** (trainings + 1)))
+        >>> rounds = learn(graph, make_chooser("round_robin"), train, rounds=4, rng=np.random.default_rng(0))
+        >>> [(history.rounds[-1].target, round(history.rounds[-1].value, 2)) for history in rounds]
+        [(0, -9.4), (1, -6.5), (0, -6.5), (1, -4.25)]
     """
     if not isinstance(rng.bit_generator, np.random.PCG64):
         raise ConfigError(f"learn: the generator must be a PCG64, got {type(rng.bit_generator).__name__}")

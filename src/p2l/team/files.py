@@ -49,8 +49,8 @@ def read_problem(orders_csv: Path | str, transfer_csv: Path | str, order: Order 
         >>> from p2l import read_problem
         >>> with TemporaryDirectory() as folder:
         ...     orders, transfer = Path(folder) / "orders.csv", Path(folder) / "transfer.csv"
-        ...     _ = orders.write_text("task,c_rob,c_hum,c_fail,c_demo,pretrained\\ngear,10,100,100,200,0.95\\n")
-        ...     _ = transfer.write_text("task,gear\\ngear,0.95\\n")
+        ...     _ = orders.write_text("task,c_rob,c_hum,c_fail,c_demo,pretrained\ngear,10,100,100,200,0.95\n")
+        ...     _ = transfer.write_text("task,gear\ngear,0.95\n")
         ...     problem = read_problem(orders, transfer)
         >>> problem.tasks, problem.pretrained.tolist()
         (('gear',), [0.95])

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from p2l.contracts.domain import Tasks
-from p2l.domains.insertion.physics import DIRECTIONS, DISTANCE_NAMES, PART_HALF_WIDTH
+from p2l.domains.insertion.features import DIRECTIONS, DISTANCE_NAMES, PART_HALF_WIDTH
 from p2l.domains.insertion.waypoints import WAYPOINT_SIZE, WAYPOINTS
 from p2l.records import Array
 

@@ -21,8 +21,9 @@ import numpy as np
 
 from p2l.contracts.domain import Encoding, InsertionView, Progress, Tasks
 from p2l.domains.insertion.demonstration import Demonstration
+from p2l.domains.insertion.features import FEATURE_NAMES
 from p2l.domains.insertion.layouts import board_tasks, sample_board_tasks, sample_grid_tasks
-from p2l.domains.insertion.physics import FEATURE_NAMES, InsertionPhysics, is_inserted
+from p2l.domains.insertion.physics import InsertionPhysics, is_inserted
 from p2l.domains.insertion.rollouts import Rollouts
 from p2l.domains.insertion.waypoints import WAYPOINTS
 from p2l.records import Array, BoolArray, IntArray

@@ -14,7 +14,7 @@ from __future__ import annotations
 import numpy as np
 
 from p2l.contracts.domain import Tasks
-from p2l.domains.insertion.physics import (
+from p2l.domains.insertion.features import (
     DIRECTIONS,
     FEATURE_NAMES,
     REACH,

@@ -2,14 +2,14 @@
 
 A compliant hold moves a part; the arm is dropped, the contacts with board and walls are MuJoCo's. Each scene is
 written in the frame of its slot: origin at the centre of the slot's mouth, z up. A task is a slot and the walls
-around it; its features are the distances to the next wall in four directions, and the offset of the nearest one.
+around it.
 
 Deviations from the thesis, each where it is silent:
 1. The compliant hold adds inertia (`hold_mass_kg`): it stands for the gripper that the abstraction drops.
 2. `tip="peg"` gives the part a round tip, as the pegs of a Chinese-checkers board have; the block has a flat one.
 3. Only walls within reach of the part (6 cm) are put in a scene; the others cannot be touched.
 
-Axis letters: N rows, M tasks, A walls of a scene.
+Axis letters: N rows, A walls of a scene.
 """
 
 from __future__ import annotations
@@ -20,22 +20,15 @@ from typing import Literal
 import mujoco
 import numpy as np
 
+from p2l.domains.insertion.features import PART_HALF_WIDTH, WALLS_PER_SCENE
 from p2l.errors import ConfigError
 from p2l.records import Array
 from p2l.sim.batch import Engine
 from p2l.sim.model import Impedance, add_impedance
 
-PART_HALF_WIDTH = 0.005
 PART_HALF_LENGTH = 0.03
 WALL_HEIGHT = 0.025
 BOARD_HALF = 0.1
-WALLS_PER_SCENE = 8
-REACH = 0.06
-# Faces farther than this are beyond every skill; the feature saturates there.
-FEATURE_CAP_CM = 4.0
-DIRECTIONS = np.array([[-1.0, 0.0], [1.0, 0.0], [0.0, -1.0], [0.0, 1.0]])
-DISTANCE_NAMES = ("wall_left_cm", "wall_right_cm", "wall_bottom_cm", "wall_top_cm")
-FEATURE_NAMES = (*DISTANCE_NAMES, "nearest_wall_x_cm", "nearest_wall_y_cm")
 POSITION_SENSOR = "grip_pos"
 
 
@@ -169,35 +162,3 @@ def start_states(engine: Engine, estimate_error: Array, physics: InsertionPhysic
 def is_inserted(tip_pos: Array, physics: InsertionPhysics) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
     """[N] whether the tip [N, 3] is deep enough in the slot."""
     return np.asarray(tip_pos[:, 2] < -physics.inserted_share * physics.slot_depth)
-
-
-def wall_distances_cm(walls: Array) -> Array:
-    """[4] distance from the slot's centre to the next wall face left, right, below and above, saturated at 4 cm.
-
-    A wall counts in a direction if it overlaps the strip that the part sweeps when it moves there.
-    """
-    distances = np.full(4, FEATURE_CAP_CM)
-    for x, y, half_x, half_y in walls:
-        for index, (axis, centre, half, across, half_across) in enumerate(
-            (
-                (-1, x, half_x, y, half_y),
-                (1, x, half_x, y, half_y),
-                (-1, y, half_y, x, half_x),
-                (1, y, half_y, x, half_x),
-            )
-        ):
-            face = axis * centre - half
-            if face > 0.0 and abs(across) < half_across + PART_HALF_WIDTH:
-                distances[index] = min(distances[index], 100.0 * face)
-    return distances
-
-
-def task_features(walls: Array) -> Array:
-    """[6] what the predictor sees of a task, in the order of `FEATURE_NAMES`.
-
-    The last two are the offset to the nearest face, the wall that a demonstration leans on (the sum of the offsets
-    where several are equally near, since it may lean on any of them).
-    """
-    distances = wall_distances_cm(walls)
-    nearest = distances <= distances.min() + 1e-6
-    return np.concatenate([distances, (nearest * distances) @ DIRECTIONS])
