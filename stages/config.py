@@ -25,7 +25,7 @@ def run(cfg: ConfigStageConfig, out: Path, track: Tracker) -> None:  # noqa: ARG
         raise ConfigError(f"overrides: unknown stages {unknown}; presets: {', '.join(STAGES)}")
     if not (ROOT / "conf" / "experiment" / f"{cfg.preset}.yaml").is_file():
         presets = sorted(path.stem for path in (ROOT / "conf" / "experiment").glob("*.yaml"))
-        raise ConfigError(f"preset: given '{cfg.preset}'; presets: {', '.join(presets)}")
+        raise ConfigError(f"preset: given '{cfg.preset}'; allowed: {', '.join(presets)}")
     texts = {
         f"{domain}/{name}": resolved_yaml(cfg, name, [f"domain={domain}", f"experiment={cfg.preset}"])
         for domain in cfg.domains

@@ -97,7 +97,7 @@ def write_plan(folder: Path | str, problem: Problem, plan: Plan) -> None:
         ...     write_plan(folder, problem, plan(problem))
         ...     print((Path(folder) / "plan.csv").read_text(), end="")
         order,task,decision,skill,p_success,expected_cost
-        1,gear,act,,0.95,15.0
+        1,gear,act,,0.95,15
     """
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")

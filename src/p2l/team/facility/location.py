@@ -40,10 +40,10 @@ def solve_facility_location(
     Example:
         >>> import numpy as np
         >>> from p2l import solve_facility_location
-        >>> opening, service = np.array([4.0, 3.0]), np.array([[1.0, 5.0], [2.0, 2.0], [6.0, 1.0]])
+        >>> opening, service = np.array([4.0, 3.0]), np.array([[1.0, 6.0], [2.0, 3.0], [6.0, 1.0]])
         >>> solution = solve_facility_location(opening, service)
         >>> solution.open.tolist(), solution.assignment.tolist(), solution.cost, solution.status
-        ([False, True], [1, 1, 1], 11.0, 'optimal')
+        ([True, True], [0, 0, 1], 11.0, 'optimal')
     """
     if not time_limit_s > 0.0:
         raise ConfigError(f"time_limit_s: {time_limit_s} given; it must be above 0")
