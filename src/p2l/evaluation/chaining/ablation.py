@@ -31,7 +31,7 @@ def ablation_5(world: str, episodes: Mapping[str, pd.DataFrame], thesis: Thesis)
 
     Args:
         world: configured.
-        episodes: of `chain_episodes`, by variant; without another variant than `OWN` the table is empty.
+        episodes: rows of `p2l.chaining.episodes`, by variant; without another variant than `OWN` the table is empty.
         thesis: for the column of its numbers.
     """
     rows: list[Row] = []

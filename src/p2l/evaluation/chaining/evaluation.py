@@ -35,11 +35,11 @@ class ChainEvaluation:
 
     Attributes:
         item: the world, or a variant of it.
-        episodes: of `chain_episodes`.
+        episodes: rows of `p2l.chaining.episodes`.
         runs: of `chain_recoveries`.
-        transfers: of `chain_transfer.transfer_of_seed`.
-        reuse: of `chain_reuse`.
-        ablation: of `chain_episodes`, by variant of the world.
+        transfers: rows of `p2l.chaining.elsewhere.transfer_of_seed`.
+        reuse: rows of `p2l.chaining.reuse`.
+        ablation: rows of `p2l.chaining.episodes`, by variant of the world.
     """
 
     item: str
