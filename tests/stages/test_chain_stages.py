@@ -426,3 +426,28 @@ def test_the_recovery_filmed_starts_where_the_nominal_skills_failed(alone, found
     assert list(dict.fromkeys(recovery.captions)) == [
         f"recovery {number}: {name}" for number, name in enumerate(recovery.actions, 1)
     ]
+
+
+def test_what_has_been_judged_needs_no_weights(found, learnt, tmp_path):
+    """Records without weights: nothing is learnt or run again, and a policy that is asked to act says why it cannot."""
+    shutil.copytree(learnt / "records", tmp_path / "records")
+    records = {"records": str(tmp_path / "records")}
+    compare(found, tmp_path / "run", **records)
+    evaluate(tmp_path, tmp_path / "judged", transfer=moved(near={"sigma_m": 0.03}), videos=False, **records)
+    for weights in (tmp_path / "records").rglob("policy.safetensors"):
+        weights.unlink()
+    shutil.rmtree(tmp_path / "run")
+    changed = {path: path.stat().st_mtime_ns for path in (tmp_path / "records").rglob("*.*")}
+    compare(found, tmp_path / "run", **records)
+    assert not (tmp_path / "run" / "runs").exists()
+    assert not list((tmp_path / "run").rglob("policy.safetensors"))
+    evaluate(tmp_path, tmp_path / "again", transfer=moved(near={"sigma_m": 0.03}), videos=False, **records)
+    for name in ("table_5_1.csv", "table_5_2.csv", "figure_5_9.csv"):
+        assert (tmp_path / "again" / name).read_bytes() == (tmp_path / "judged" / name).read_bytes()
+    assert changed == {path: path.stat().st_mtime_ns for path in (tmp_path / "records").rglob("*.*")}
+    with pytest.raises(ArtifactError, match=r"rc, seed 0, in world 'push': only the card .* learner=rc seed=0"):
+        evaluate(tmp_path, tmp_path / "other", episodes=21, videos=False, **records)
+    compare(found, tmp_path / "anew", records=None, compare=["rc"])  # who has the weights, has them all
+    assert policy_hash(load_policy(tmp_path / "anew/policies/rc/s0")) == policy_hash(
+        load_policy(tmp_path / "run/policies/rc/s0")
+    )
