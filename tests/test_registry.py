@@ -64,11 +64,11 @@ def test_what_is_unknown_is_said_in_one_message(pairs, name, message):
 
 
 def test_parameters_are_checked_against_the_factory(pairs):
-    assert pairs.factory_for("ours", {"right": 3}, own=["left"]) is pair
+    assert pairs.factory_for("ours", {"right": 3}, own=1) is pair
     with pytest.raises(ConfigError, match=r"^pair 'ours': unknown parameters \['middle'\]; allowed: right$"):
-        pairs.factory_for("ours", {"middle": 1}, own=["left"])
+        pairs.factory_for("ours", {"middle": 1}, own=1)
     with pytest.raises(ConfigError, match=r"unknown parameters \['left'\]; allowed: extra, right"):
-        pairs.factory_for("ours", {"left": 1, "extra": 2}, own=["left"], also=["extra"])
+        pairs.factory_for("ours", {"left": 1, "extra": 2}, own=1, also=["extra"])
 
 
 def test_a_name_stands_for_one_thing(pairs):
@@ -76,3 +76,38 @@ def test_a_name_stands_for_one_thing(pairs):
         pairs.register("ours", f"{__name__}:pair")
     with pytest.raises(ConfigError, match=r"'tests\.test_registry' has no colon; write 'package\.module:attribute'"):
         pairs.register("new", "tests.test_registry")
+
+
+def test_what_a_factory_needs_is_asked_for(pairs):
+    with pytest.raises(ConfigError, match=r"^pair 'ours': needs parameters \['left'\]; give them under params$"):
+        pairs.factory_for("ours", {"right": 1})
+
+
+class Empty:
+    def sample(self):
+        return 0
+
+
+def test_what_is_made_keeps_its_contract(pairs):
+    assert pairs.expect("ours", (1, 2), tuple) == (1, 2)
+    with pytest.raises(ConfigError, match=r"^pair 'mine': makes a int, which is no .*Empty; it lacks sample$"):
+        pairs.expect("mine", 3, Empty)
+
+
+NUMBER = 3
+
+
+def test_a_target_must_be_callable_and_its_module_importable(pairs, tmp_path, monkeypatch):
+    with pytest.raises(ConfigError, match="is a int; name a class or function"):
+        pairs.factory_for(f"{__name__}:NUMBER", {})
+    (tmp_path / "broken_syntax.py").write_text("def made(:\n")
+    (tmp_path / "broken_import.py").write_text("x = 1\nraise ValueError('on fire')\n")
+    (tmp_path / "lacks_library.py").write_text("import not_installed_here\n")
+    monkeypatch.syspath_prepend(tmp_path)
+    for module, message in (
+        ("broken_syntax", "SyntaxError: .*broken_syntax.py, line 1"),
+        ("broken_import", "ValueError: on fire .*broken_import.py, line 2"),
+        ("lacks_library", "ModuleNotFoundError: No module named 'not_installed_here' .*lacks_library.py, line 1"),
+    ):
+        with pytest.raises(ConfigError, match=f"importing '{module}' failed: {message}"):
+            pairs.check(f"{module}:made")

@@ -14,6 +14,8 @@ from __future__ import annotations
 
 import importlib
 import inspect
+import sys
+import traceback
 from collections.abc import Callable, Iterable, Mapping
 from importlib.metadata import entry_points
 from typing import Any, Generic, TypeVar, cast
@@ -21,6 +23,8 @@ from typing import Any, Generic, TypeVar, cast
 from p2l.errors import ConfigError
 
 Factory = TypeVar("Factory", bound=Callable[..., Any])
+Product = TypeVar("Product")
+_VARIABLE = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
 
 
 class Registry(Generic[Factory]):
@@ -82,29 +86,55 @@ class Registry(Generic[Factory]):
         return name
 
     def factory_for(
-        self, name: str, params: Mapping[str, Any] | None, *, own: Iterable[str] = (), also: Iterable[str] = ()
+        self, name: str, params: Mapping[str, Any] | None, *, own: int = 0, also: Iterable[str] = ()
     ) -> Factory:
         """The factory of `name`, if it takes the parameters `params`.
 
         Args:
             name: as for `factory`.
             params: what a person gives it.
-            own: parameters that p2l fills in, which a person cannot.
+            own: so many parameters, the first ones, are filled in by p2l.
             also: parameters that everything of this kind takes, besides those of its factory.
 
         Raises:
-            ConfigError: unknown name, or a parameter that its factory does not take.
+            ConfigError: unknown name, something that cannot be called, a parameter that it does not take, or one that
+                it needs.
         """
-        factory, internal = self.factory(name), set(own)
-        signature = inspect.signature(factory).parameters
-        if any(parameter.kind is parameter.VAR_KEYWORD for parameter in signature.values()):
-            return factory
-        names = [*also, *(parameter for parameter in signature if parameter not in internal)]
-        if unknown := sorted(set(params or {}) - set(names)):
+        factory, given = self.factory(name), set(params or {})
+        try:
+            signature = list(inspect.signature(factory).parameters.values())
+        except (TypeError, ValueError) as error:
+            raise ConfigError(
+                f"{self.kind} '{name}': is a {type(factory).__name__}; name a class or function"
+            ) from error
+        variable = {kind: any(each.kind is kind for each in signature) for kind in _VARIABLE}
+        named = [each for each in signature if each.kind not in _VARIABLE]
+        if len(named) < own and not variable[inspect.Parameter.VAR_POSITIONAL]:
+            raise ConfigError(f"{self.kind} '{name}': takes {len(named)} parameters; the first {own} are p2l's")
+        names = [*also, *(each.name for each in named[own:])]
+        if not variable[inspect.Parameter.VAR_KEYWORD] and (unknown := sorted(given - set(names))):
             raise ConfigError(
                 f"{self.kind} '{name}': unknown parameters {unknown}; allowed: {', '.join(names) or 'none'}"
             )
+        needed = [each.name for each in named[own:] if each.default is each.empty]
+        if missing := [each for each in needed if each not in given]:
+            raise ConfigError(f"{self.kind} '{name}': needs parameters {missing}; give them under params")
         return factory
+
+    def expect(self, name: str, product: Product, contract: type[Any]) -> Product:
+        """`product`, which the factory of `name` has made, if it keeps its contract.
+
+        Raises:
+            ConfigError: it is something else; the message names what it lacks.
+        """
+        if isinstance(product, contract):
+            return product
+        lacking = [each for each in dir(contract) if not each.startswith("_") and not hasattr(product, each)]
+        told = f"; it lacks {', '.join(lacking)}" if lacking else ""
+        raise ConfigError(
+            f"{self.kind} '{name}': makes a {type(product).__name__}, which is no {contract.__module__}."
+            f"{contract.__name__}{told}"
+        )
 
     def _entry_points(self) -> Iterable[Any]:
         return entry_points(group=f"p2l.{self.kind}s")
@@ -114,8 +144,22 @@ class Registry(Generic[Factory]):
         try:
             return cast(Factory, getattr(importlib.import_module(module), attribute))
         except ModuleNotFoundError as error:
-            if error.name is None or not f"{module}.".startswith(f"{error.name}."):
-                raise  # the module is there; what it imports is not
-            raise ConfigError(f"{self.kind} '{target}': there is no module '{error.name}' on Python's path") from error
-        except AttributeError as error:
-            raise ConfigError(f"{self.kind} '{target}': module '{module}' has no '{attribute}'") from error
+            if error.name is not None and f"{module}.".startswith(f"{error.name}."):
+                raise ConfigError(
+                    f"{self.kind} '{target}': there is no module '{error.name}' on Python's path"
+                ) from error
+            raise ConfigError(f"{self.kind} '{target}': {_importing(module, error)}") from error
+        except Exception as error:  # whatever a person's module raises while it is imported
+            if isinstance(error, AttributeError) and module in sys.modules:
+                raise ConfigError(f"{self.kind} '{target}': module '{module}' has no '{attribute}'") from error
+            raise ConfigError(f"{self.kind} '{target}': {_importing(module, error)}") from error
+
+
+def _importing(module: str, error: Exception) -> str:
+    """What went wrong while a module was imported, and where."""
+    if isinstance(error, SyntaxError):
+        place = f"{error.filename}, line {error.lineno}"
+    else:
+        last = traceback.extract_tb(error.__traceback__)[-1]
+        place = f"{last.filename}, line {last.lineno}"
+    return f"importing '{module}' failed: {type(error).__name__}: {error} ({place})"

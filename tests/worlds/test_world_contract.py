@@ -10,6 +10,7 @@ from p2l.contracts.rows import Command, Rows
 from p2l.contracts.world import NO_FAILURE, World, advance
 from p2l.errors import ConfigError, ShapeError
 from p2l.skills import chain
+from p2l.worlds.robot import RobotWorld
 from p2l.worlds.table import WORLDS, make_world
 
 WORLDS.register("push", "examples.push.world:Push")
@@ -125,3 +126,21 @@ def test_unknown_names_list_the_known():
         make_world("doors")
     with pytest.raises(ConfigError, match=r"world 'push': unknown parameters \['colour'\]; allowed: .*estimator"):
         make_world("push", {"colour": "red"})
+
+
+class Nothing:
+    """Keeps no contract."""
+
+
+class Unfinished(RobotWorld):
+    def goal(self, rows):
+        return np.ones(len(rows), dtype=bool)
+
+
+def test_a_class_that_is_no_world_is_refused_and_says_what_it_lacks():
+    with pytest.raises(
+        ConfigError, match="world 'half': Unfinished lacks sample, _truth, _observation, monitor, nominal"
+    ):
+        Unfinished("half", {}, [], None)
+    with pytest.raises(ConfigError, match="makes a Nothing, which is no .*World; it lacks control,"):
+        make_world(f"{__name__}:Nothing")

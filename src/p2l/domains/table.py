@@ -43,4 +43,4 @@ def make_domain(name: str, params: Mapping[str, Any] | None = None) -> Domain:
         >>> len(lego.sample_set(np.random.default_rng(0), 10))
         10
     """
-    return DOMAINS.factory_for(name, params)(**dict(params or {}))
+    return DOMAINS.expect(name, DOMAINS.factory_for(name, params)(**dict(params or {})), Domain)

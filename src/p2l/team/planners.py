@@ -50,14 +50,14 @@ def plan(
         >>> [Decision(decision).name for decision in day.decision], round(day.objective, 1)
         (['LEARN', 'ACT', 'ACT'], 240.0)
     """
-    route = PLANNERS.factory_for(planner, options, own=("problem", "stop"))
+    route = PLANNERS.factory_for(planner, options, own=2)
     if not time_limit_s > 0.0:
         raise ConfigError(f"time_limit_s: {time_limit_s} given; it must be above 0")
     if not 0.0 <= gap < 1.0:
         raise ConfigError(f"gap: {gap} given; it is relative and must lie in [0, 1)")
     prepare(planner, problem)
     start = time.perf_counter()
-    result = route(problem, StoppingRule(start + time_limit_s, gap), **options)
+    result = PLANNERS.expect(planner, route(problem, StoppingRule(start + time_limit_s, gap), **options), PlannerResult)
     return _plan(problem, planner, result, start)
 
 

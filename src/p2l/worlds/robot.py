@@ -38,6 +38,9 @@ class RobotWorld:
         estimator: how estimates err.
         control_period_s: duration of a control step.
         nthread: simulator threads.
+
+    Raises:
+        ConfigError: the class does not give what a world states itself.
     """
 
     failure_kinds: tuple[str, ...] = ()
@@ -56,6 +59,11 @@ class RobotWorld:
         control_period_s: float = 0.05,
         nthread: int = 2,
     ) -> None:
+        own = ("sample", "_truth", "_observation", "monitor", "goal", "nominal_options")
+        if lacking := [each for each in own if getattr(type(self), each) is getattr(RobotWorld, each)]:
+            raise ConfigError(
+                f"world '{name}': {type(self).__name__} lacks {', '.join(lacking)}; see docs/new-world.md"
+            )
         self.name, self.scenes, self.estimator = name, tuple(scenes), estimator
         self.engine = Engine([scene.model for scene in scenes], control_period_s=control_period_s, nthread=nthread)
         first = scenes[0]

@@ -53,4 +53,4 @@ def make_world(name: str, params: Mapping[str, Any] | None = None) -> World:
         >>> [option.name for option in world.nominal_options()]
         ['reach_and_grasp', 'rotate_handle', 'pull_handle']
     """
-    return WORLDS.factory_for(name, params)(**dict(params or {}))
+    return WORLDS.expect(name, WORLDS.factory_for(name, params)(**dict(params or {})), World)

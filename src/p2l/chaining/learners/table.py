@@ -55,4 +55,7 @@ def make_learner(name: str, task: ChainTask, limits: Limits, params: Mapping[str
     Raises:
         ConfigError: unknown, or a parameter that it does not take or refuses.
     """
-    return LEARNERS.factory_for(name, params, own=("task", "limits"))(task, limits, **dict(params or {}))
+    from p2l.chaining.learner import Learner
+
+    factory = LEARNERS.factory_for(name, params, own=2)
+    return LEARNERS.expect(name, factory(task, limits, **dict(params or {})), Learner)

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from p2l.errors import ConfigError
 from p2l.metareskill.choosers import bandits, oracle, rules
 from p2l.metareskill.choosers.contract import Chooser, Rule, check_number
 from p2l.registry import Registry
@@ -45,4 +46,7 @@ def make_chooser(name: str, params: Mapping[str, Any] | None = None) -> Chooser:
     factory = CHOOSERS.factory_for(name, settings, also=["initial_rounds"])
     initial_rounds = settings.pop("initial_rounds", 0)
     check_number(f"{name}: initial_rounds", initial_rounds, low=0, whole=True)
-    return Chooser(name, factory(**settings), initial_rounds)
+    rule = factory(**settings)
+    if not callable(rule):
+        raise ConfigError(f"chooser '{name}': makes a {type(rule).__name__}, which is no rule; see docs/recoveries.md")
+    return Chooser(name, rule, initial_rounds)
