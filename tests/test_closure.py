@@ -1,6 +1,8 @@
 """Dependencies that are computed: what a stage imports, what `dvc.yaml` declares, and what the ledger hashes."""
 
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -8,6 +10,10 @@ import yaml
 
 from p2l.closure import closure, code_digest
 from p2l.errors import P2LError
+from p2l.tracking.runs import RUN_FILE
+from stages._bridge import TIMES_FILE
+from stages._child import PARENT_FILE
+from stages._stage import CONFIG_FILE, LOG_FILE
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGES = {"stages": ROOT / "stages"}
@@ -90,3 +96,17 @@ def test_a_change_where_episodes_are_made_changes_the_digest(monkeypatch):
         lambda path, *given, **named: read(path, *given, **named) + "\nsteps = 0\n" * (path == planted),
     )
     assert code_digest("stages.evaluate_chains", PACKAGES) != before
+
+
+def test_what_differs_between_two_equal_runs_is_no_dependency():
+    """A directory of outputs holds run ids, logs and times too; the report would be stale after each run."""
+    nested = [f"data/learn_recoveries/door/runs/s0/metareskill/{name}" for name in (RUN_FILE, PARENT_FILE)]
+    beside = [f"data/discover/door/{name}" for name in (RUN_FILE, TIMES_FILE, CONFIG_FILE, LOG_FILE)]
+    told = subprocess.run(
+        [sys.executable, "-m", "dvc", "check-ignore", *nested, *beside, "data/plan/lego/plan.json"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert told.stdout.split() == nested + beside, told.stderr

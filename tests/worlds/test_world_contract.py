@@ -142,5 +142,5 @@ def test_a_class_that_is_no_world_is_refused_and_says_what_it_lacks():
         ConfigError, match="world 'half': Unfinished lacks sample, _truth, _observation, monitor, nominal"
     ):
         Unfinished("half", {}, [], None)
-    with pytest.raises(ConfigError, match="makes a Nothing, which is no .*World; it lacks control,"):
+    with pytest.raises(ConfigError, match=r"makes a Nothing, which is no .*World; it lacks control,"):
         make_world(f"{__name__}:Nothing")
