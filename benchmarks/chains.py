@@ -129,9 +129,9 @@ def main(arguments: list[str] | None = None) -> None:
     parser = report.parser(__doc__)
     parser.add_argument("--worlds", nargs="+", type=report.known_world, default=["pick_place", "shelf"])
     parser.add_argument("--learners", nargs="+", choices=LEARNERS.names(), default=["rc"])
-    parser.add_argument("--budget", type=int, default=15_000, help="control steps")
-    parser.add_argument("--threads", type=int, default=2)
-    parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--budget", type=report.positive, default=15_000, help="control steps")
+    parser.add_argument("--threads", type=report.positive, default=2)
+    parser.add_argument("--rounds", type=report.positive, default=3)
     args = parser.parse_args(arguments)
     torch.set_num_threads(1)  # as in training
     rows = [

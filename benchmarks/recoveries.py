@@ -174,8 +174,8 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--world", type=report.known_world, default="door")
     parser.add_argument("--queries", type=int, nargs="*", default=[1, 2, 4], help="queries that share batches")
     parser.add_argument("--modes", type=int, nargs="*", default=[6, 20, 50, 100, 200])
-    parser.add_argument("--threads", type=int, default=2)
-    parser.add_argument("--rounds", type=int, default=3)
+    parser.add_argument("--threads", type=report.positive, default=2)
+    parser.add_argument("--rounds", type=report.positive, default=3)
     args = parser.parse_args(arguments)
     rows = [values(modes, args.rounds) for modes in args.modes]
     if args.queries:

@@ -32,6 +32,17 @@ def known_world(name: str) -> str:
         raise argparse.ArgumentTypeError(str(error)) from None
 
 
+def positive(text: str) -> int:
+    """A whole number above 0, as argparse wants it checked."""
+    try:
+        number = int(text)
+    except ValueError:
+        number = 0
+    if number < 1:
+        raise argparse.ArgumentTypeError(f"{text} given; it must be a whole number above 0")
+    return number
+
+
 def load_kernels() -> None:
     """Load the compiled kernels and say how long that took."""
     from p2l.team import facility

@@ -198,9 +198,9 @@ def main(arguments: list[str] | None = None) -> None:
     """
     parser = report.parser(__doc__)
     parser.add_argument("--worlds", nargs="+", type=report.known_world, default=list(WORLDS.names()))
-    parser.add_argument("--rows", type=int, default=256)
-    parser.add_argument("--threads", type=int, default=2)
-    parser.add_argument("--rounds", type=int, default=5)
+    parser.add_argument("--rows", type=report.positive, default=256)
+    parser.add_argument("--threads", type=report.positive, default=2)
+    parser.add_argument("--rounds", type=report.positive, default=5)
     parser.add_argument("--seconds", type=float, default=2.0, help="of each measurement in each round")
     args = parser.parse_args(arguments)
     for name in args.worlds:

@@ -8,6 +8,7 @@ from p2l.errors import ConfigError, SolverError
 from p2l.team import PLANNERS, Decision, Problem, objective, plan
 from p2l.team.certificate import check_certificate
 from p2l.team.facility import guarantee
+from p2l.team.routes import PlannerResult
 from tests.team.team_instances import geometric, problems, thesis_set
 
 ARRAY_ROUTES = ("auto", "highs", "facility")
@@ -164,3 +165,26 @@ def test_one_task():
     for planner in PLANNERS.names():
         assert plan(problem, planner, **({"theta": 0.0} if planner == "cba" else {})).objective <= 9.0
     assert plan(problem).objective == pytest.approx(3.0)
+
+
+def outside(_problem, _stop, **changes):
+    return PlannerResult(**({"decision": np.full(3, Decision.DELEGATE), "status": "heuristic"} | changes))
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"lower_bound": 1e9}, r"says that no plan costs less than 1e\+09; its own costs 300"),
+        ({"status": "great"}, "status 'great'; known: optimal, feasible, time_limit, heuristic"),
+        ({"decision": np.zeros(2, dtype=int)}, r"decision has shape \(2,\); there are 3 tasks"),
+        ({"decision": np.full(3, 7)}, "a decision is none of ACT, DELEGATE, LEARN"),
+        ({"multipliers": np.zeros(5)}, r"multipliers has shape \(5,\)"),
+        ({"sequence": np.array([0, 0, 2])}, "sequence is no order of the 3 tasks"),
+    ],
+)
+def test_what_contradicts_itself_is_no_plan(changes, message):
+    same = np.full(3, 100.0)
+    problem = Problem(("a", "b", "c"), same / 10, same, same, 2 * same, np.zeros(3), np.eye(3))
+    assert plan(problem, f"{__name__}:outside").objective == 300.0
+    with pytest.raises(SolverError, match=f"planner '.*:outside': .*{message}"):
+        plan(problem, f"{__name__}:outside", **changes)

@@ -8,18 +8,19 @@ from __future__ import annotations
 
 import math
 import time
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
-from p2l.errors import ConfigError
+from p2l.errors import ConfigError, SolverError
 from p2l.team.certificate import lagrangian_bound
 from p2l.team.outcome import objective, work_order
-from p2l.team.problem import Certificate, Decision, Plan, Problem, relative_gap
+from p2l.team.problem import Certificate, Decision, Plan, Problem, Status, relative_gap
 from p2l.team.routes import PLANNERS, PlannerResult, StoppingRule, prepare
 
 PROVEN = 1e-9  # relative gap at which cost and bound are the same number
 TRUST = 1e-6  # relative gap up to which a solver that says "optimal" is believed: its feasibility tolerance
+CONTRADICTION = 1e-3  # relative to the cost, or to 1: a bound that far above the cost of a plan is no rounding
 
 
 def plan(
@@ -36,7 +37,7 @@ def plan(
 
     Raises:
         ConfigError: an unknown planner or option, a time limit of zero or less, a gap outside [0, 1).
-        SolverError: the planner cannot treat this instance.
+        SolverError: the planner cannot treat this instance, or what it comes back with contradicts itself.
 
     Example:
         Three tasks alike: one lesson (200) and two attempts (20 each) are cheaper than handing all to the person (300).
@@ -58,7 +59,25 @@ def plan(
     prepare(planner, problem)
     start = time.perf_counter()
     result = PLANNERS.expect(planner, route(problem, StoppingRule(start + time_limit_s, gap), **options), PlannerResult)
+    _check_result(problem, planner, result)
     return _plan(problem, planner, result, start)
+
+
+def _check_result(problem: Problem, planner: str, result: PlannerResult) -> None:
+    """Refuse what no plan can be made of, before anything is said to be proven by it."""
+    if result.status not in get_args(Status):
+        raise SolverError(f"planner '{planner}': status {result.status!r}; known: {', '.join(get_args(Status))}")
+    for name, vector in (
+        ("decision", result.decision),
+        ("multipliers", result.multipliers),
+        ("sequence", result.sequence),
+    ):
+        if vector is not None and np.shape(vector) != (problem.n,):
+            raise SolverError(f"planner '{planner}': {name} has shape {np.shape(vector)}; there are {problem.n} tasks")
+    if not np.isin(result.decision, list(Decision)).all():
+        raise SolverError(f"planner '{planner}': a decision is none of {', '.join(each.name for each in Decision)}")
+    if result.sequence is not None and not np.array_equal(np.sort(result.sequence), np.arange(problem.n)):
+        raise SolverError(f"planner '{planner}': sequence is no order of the {problem.n} tasks")
 
 
 def _plan(problem: Problem, planner: str, result: PlannerResult, start: float) -> Plan:
@@ -66,6 +85,10 @@ def _plan(problem: Problem, planner: str, result: PlannerResult, start: float) -
     sequence = work_order(problem, lessons) if result.sequence is None else result.sequence
     outcome = objective(problem, result.decision, sequence)
     cost = outcome.total
+    if result.lower_bound > cost + CONTRADICTION * max(1.0, abs(cost)):
+        raise SolverError(
+            f"planner '{planner}': says that no plan costs less than {result.lower_bound:g}; its own costs {cost:g}"
+        )
     proven = [result.lower_bound, cheapest_conceivable(problem)]
     certificate = None
     if result.multipliers is not None:
