@@ -47,7 +47,7 @@ ui: $(STAMP) ## browse the runs: http://127.0.0.1:5000, or make ui PORT=…
 	$(BIN)/mlflow ui --backend-store-uri "$${MLFLOW_TRACKING_URI:-sqlite:///$(CURDIR)/mlflow.db}" --host 127.0.0.1 --port $(PORT)
 
 watch: $(STAMP) ## film a nominal run, a recorded failure (make watch world=door failure=3), or a recovery (policy=<dir>)
-	$(BIN)/python -m stages.watch world=$(world) $(if $(failure),failure=$(failure)) $(if $(policy),'policy="$(policy)"') $(if $(transfer),transfer=$(transfer)) $(if $(seed),seed=$(seed))
+	$(BIN)/python -m stages.watch world=$(world) $(if $(failure),failure=$(failure)) $(if $(failures),'failures="$(failures)"') $(if $(policy),'policy="$(policy)"') $(if $(transfer),transfer=$(transfer)) $(if $(seed),seed=$(seed))
 
 thesis: $(STAMP) ## the thesis's budgets, in a clone under build/; finished items land in results/thesis/ (resumable)
 	scripts/thesis.sh
