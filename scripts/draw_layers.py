@@ -41,7 +41,7 @@ def arrows(rooms: set[str]) -> nx.DiGraph:
         for file in sorted((ROOT / top).rglob("*.py")):
             parts = file.relative_to(ROOT / "src").with_suffix("").parts if top != "stages" else ("stages",)
             room = parts[1] if len(parts) > 1 else "stages"
-            for module, names in imports(file):
+            for module, names in imports(file, "p2l"):
                 path = module.split(".")
                 targets = [path[1]] if path[0] == "p2l" and len(path) > 1 else list(names) if module == "p2l" else []
                 graph.add_edges_from((room, target) for target in targets if {room, target} <= rooms and room != target)

@@ -6,7 +6,6 @@ import dataclasses
 import json
 import logging
 from collections.abc import Mapping, Sequence
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,6 +13,7 @@ from pydantic import BaseModel
 
 from p2l.artifacts import config_hash, write_text
 from p2l.closure import code_digest
+from p2l.schema import StageConfig
 from p2l.tracking import Tracker
 from stages import ROOT
 
@@ -23,24 +23,20 @@ if TYPE_CHECKING:  # who leaves no figures needs no matplotlib
 TIMES_FILE = "times.json"  # beside the outputs, and none of them: it differs from machine to machine
 
 
-def code_of(name: str, records: Path | None, *targets: str) -> str:
-    """Hash of the code behind a stage's own records; empty for committed ones, which outlive harmless edits.
+def code_of(name: str, cfg: StageConfig, records: Path | None) -> str:
+    """Hash of the code behind a stage's records.
 
-    The rooms' VERSION marks the edits that committed records do not outlive.
+    Committed records outlive harmless edits of ours: the rooms' VERSION marks those that they do not outlive. What a
+    person brings has none, so its code always counts.
 
     Args:
         name: of the stage.
+        cfg: its configuration.
         records: folder of committed records, if there is one.
-        targets: worlds, learners or choosers by name; the modules of those that are not ours count, too.
     """
     if records:
-        return ""
-    digests = [code_digest(f"stages.{name}", {"stages": ROOT / "stages"})]
-    for module in sorted({target.partition(":")[0] for target in targets if ":" in target}):
-        spec = find_spec(module)
-        if spec is not None and spec.origin is not None:
-            digests.append(Path(spec.origin).read_text(encoding="utf-8"))
-    return config_hash(digests)
+        return cfg.outside_code
+    return config_hash([code_digest(f"stages.{name}", {"stages": ROOT / "stages"}), cfg.outside_code])
 
 
 def fields_of(cfg: BaseModel, record: type[Any]) -> dict[str, Any]:

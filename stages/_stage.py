@@ -185,6 +185,7 @@ def _run(
     with start(card, out, ROOT, enabled=cfg.tracking.enabled, uri=cfg.tracking.uri) as track:
         function(cfg, out, track)
         write_text(out / CONFIG_FILE, OmegaConf.to_yaml(OmegaConf.create(plain)))
+    print(f"stage {name}: outputs in {os.path.relpath(out)}")
 
 
 def _command(name: str) -> str:

@@ -36,7 +36,7 @@ def run(cfg: ChainRecoveriesConfig, out: Path, track: Tracker) -> None:
     failures = recorded_failures(cfg.failures, cfg.item, cfg.world.key, cfg.world.params)
     if cfg.compare:
         runs = [chain_run(cfg, name, seed) for seed in cfg.seeds for name in cfg.compare]
-        place, code = cfg.records or out / "records", code_of("chain_recoveries", cfg.records, cfg.world.key)
+        place, code = cfg.records or out / "records", code_of("chain_recoveries", cfg, cfg.records)
         watch, finish = run_observer(cfg, track), run_teller(track)
         results = compare(runs, failures, cfg.failures, out, place, code, watch, finish)
         facts = {f"{name}/s{seed}": dict(learnt.facts) for (name, seed), learnt in results.items()}

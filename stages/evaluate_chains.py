@@ -24,7 +24,7 @@ from stages._stage import stage
 @stage("evaluate_chains", EvaluateChainsConfig)
 def run(cfg: EvaluateChainsConfig, out: Path, track: Tracker) -> None:
     """Run or look up every item; leave episodes.parquet, tables and figures of chapter 5, and a summary."""
-    code = code_of("evaluate_chains", cfg.records, cfg.world.key)
+    code = code_of("evaluate_chains", cfg, cfg.records)
     book = PolicyLedger(cfg.records or out / "records", code, cfg.item, cfg.slots)
     who = Subject(cfg.world.key, cfg.world.params, cfg.learnt, cfg.learners, cfg.seeds, cfg.episodes, cfg.seed)
     world, agents = open_policies(who)

@@ -32,7 +32,7 @@ def run(cfg: EvaluateRecoveriesConfig, out: Path, track: Tracker) -> None:
     files = {seed: cfg.learnt / "recoveries" / f"s{seed}.npz" for seed in cfg.seeds}
     learnt = {seed: load_recoveries(file, world, preconditions, modes) for seed, file in files.items()}
     rounds = read_rounds(cfg.learnt / "rounds.csv", cfg.seeds)
-    code = code_of("evaluate_recoveries", cfg.records, cfg.world.key)
+    code = code_of("evaluate_recoveries", cfg, cfg.records)
     book = EpisodeLedger(cfg.records or out / "records", code, cfg.seed, cfg.max_options)
     tour = Tour(**fields_of(cfg, Tour) | {"world": cfg.world.key, "params": cfg.world.params})
     tables = []

@@ -26,7 +26,7 @@ def run(cfg: EvaluateTeamConfig, out: Path, track: Tracker) -> None:
     domain, study = make_domain(cfg.domain.key, cfg.domain.params), cfg.study.study()
     records = cfg.records or out / "records"
     # Committed records outlive harmless edits (`TRUTH_VERSION` marks the others); a run's own do not.
-    code = code_of("evaluate_team", cfg.records, cfg.domain.key)
+    code = code_of("evaluate_team", cfg, cfg.records)
     identity = config_hash([cfg.identity, code]) if code else cfg.identity
     plans = load_table(cfg.plans, schema="plans", version=1)
     rows: list[dict[str, Any]] = []

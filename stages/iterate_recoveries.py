@@ -36,7 +36,7 @@ def run(cfg: IterateRecoveriesConfig, out: Path, track: Tracker) -> None:
     world = make_world(cfg.world.key, {**cfg.world.params, "estimator": ESTIMATOR})
     task = RecoveryTask(world, symbols_of(world), inputs.setting.task.preconditions)
     field = Field(task, world.nominal_options(), cfg.max_options, cfg.slots)
-    origin, code = inputs.train.origin, code_of("iterate_recoveries", cfg.records, cfg.world.key, choice.key)
+    origin, code = inputs.train.origin, code_of("iterate_recoveries", cfg, cfg.records)
     rows: list[dict[str, Any]] = []
     with counter(f"iterate {cfg.item}", "round", cfg.failure_rounds * cfg.rounds * len(cfg.seeds)) as show:
         for seed in cfg.seeds:

@@ -31,7 +31,7 @@ def run(cfg: LearnRecoveriesConfig, out: Path, track: Tracker) -> None:
     setting, rounds, episodes = inputs.setting, cfg.rounds, cfg.episodes
     for chooser in choosers.values():
         check_budget(setting.graph, chooser, rounds, episodes)
-    code = code_of("learn_recoveries", cfg.records, cfg.world.key, *(cfg.choosers[name].key for name in cfg.compare))
+    code = code_of("learn_recoveries", cfg, cfg.records)
     histories: dict[tuple[int, str], History] = {}
     with counter(f"learn {cfg.item}", "round", cfg.rounds * len(choosers) * len(cfg.seeds)) as show:
         for seed in cfg.seeds:

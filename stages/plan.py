@@ -34,7 +34,6 @@ def _own_tasks(cfg: PlanConfig, tasks: Path, transfer: Path, out: Path, track: T
     track.metrics({"objective": day.objective, "lower_bound": day.lower_bound, "seconds": day.seconds})
     track.artifact(out / "plan.png")
     print(reasons)
-    print(f"Written to {out}: plan.csv, plan.json, plan.png")
 
 
 def _study_sets(cfg: PlanConfig, out: Path, track: Tracker) -> None:

@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 import yaml
 
-from p2l.closure import closure, code_digest
+from p2l import closure as reading
+from p2l.closure import closure, code_digest, outside_code
 from p2l.errors import P2LError
 from p2l.tracking.runs import RUN_FILE
 from stages._bridge import TIMES_FILE
@@ -73,8 +74,38 @@ def test_the_digest_follows_every_file_of_the_closure_and_no_other(package):
     (package["toy"] / "other.py").write_text("y = 3\n")
     (package["toy"] / "types.py").write_text("x = 3\n")
     assert code_digest("toy.stage", package) == before
+    (package["toy"] / "room" / "late.py").write_text('"""What is late."""\n\nsteps = 1  # of ten\n')
+    assert code_digest("toy.stage", package) == before
     (package["toy"] / "room" / "late.py").write_text("steps = 0\n")
     assert code_digest("toy.stage", package) != before
+
+
+def test_code_that_is_not_ours_counts_with_what_it_imports_beside_it(tmp_path, monkeypatch):
+    files = {
+        "mine/__init__.py": "",
+        "mine/world.py": "import numpy, p2l.records, beside\nfrom . import masses\nfrom .sub.late import y\n",
+        "mine/masses.py": "kilogram = 1.0\n",
+        "mine/sub/__init__.py": "",
+        "mine/sub/late.py": "from ..other import y\n",
+        "mine/other.py": "y = 2\n",
+        "mine/unused.py": "z = 2\n",
+        "beside.py": "try:\n    import mine._compiled\nexcept ImportError:\n    pass\n",
+    }
+    for name, text in files.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
+    monkeypatch.syspath_prepend(tmp_path)
+    before = outside_code(["mine.world"])
+    assert before
+    assert outside_code(["p2l.worlds.door.world", "__main__", "math"]) == ""
+    (tmp_path / "mine/unused.py").write_text("z = 3\n")
+    (tmp_path / "mine/masses.py").write_text("kilogram = 1.0  # of the box\n")
+    assert outside_code(["mine.world"]) == before
+    for name in ("mine/world.py", "mine/masses.py", "mine/sub/late.py", "mine/other.py", "beside.py"):
+        (tmp_path / name).write_text(files[name] + "x = 7\n")
+        assert outside_code(["mine.world"]) != before, name
+        (tmp_path / name).write_text(files[name])
+        assert outside_code(["mine.world"]) == before
 
 
 def test_what_does_not_exist_is_refused(package):
@@ -95,6 +126,8 @@ def test_a_change_where_episodes_are_made_changes_the_digest(monkeypatch):
         "read_text",
         lambda path, *given, **named: read(path, *given, **named) + "\nsteps = 0\n" * (path == planted),
     )
+    for remembered in (reading._parse, reading._code):  # files are read again where their time has changed
+        monkeypatch.setattr(reading, remembered.__name__, remembered.__wrapped__)
     assert code_digest("stages.evaluate_chains", PACKAGES) != before
 
 

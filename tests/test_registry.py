@@ -74,7 +74,7 @@ def test_parameters_are_checked_against_the_factory(pairs):
 def test_a_name_stands_for_one_thing(pairs):
     with pytest.raises(ConfigError, match="already registered; choose another name"):
         pairs.register("ours", f"{__name__}:pair")
-    with pytest.raises(ConfigError, match=r"'tests\.test_registry' has no colon; write 'package\.module:attribute'"):
+    with pytest.raises(ConfigError, match=r"'tests\.test_registry' is no target; write 'package\.module:attribute'"):
         pairs.register("new", "tests.test_registry")
 
 

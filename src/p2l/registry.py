@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import importlib
 import inspect
+import re
 import sys
 import traceback
 from collections.abc import Callable, Iterable, Mapping
@@ -24,6 +25,7 @@ from p2l.errors import ConfigError
 
 Factory = TypeVar("Factory", bound=Callable[..., Any])
 Product = TypeVar("Product")
+TARGET = re.compile(r"[^\W\d]\w*(\.[^\W\d]\w*)*:[^\W\d]\w*")
 _VARIABLE = (inspect.Parameter.VAR_POSITIONAL, inspect.Parameter.VAR_KEYWORD)
 
 
@@ -46,8 +48,8 @@ class Registry(Generic[Factory]):
         Raises:
             ConfigError: the name stands for something else, or `target` has no colon.
         """
-        if ":" not in target:
-            raise ConfigError(f"{self.kind} '{name}': '{target}' has no colon; write 'package.module:attribute'")
+        if not TARGET.fullmatch(target):
+            raise ConfigError(f"{self.kind} '{name}': '{target}' is no target; write 'package.module:attribute'")
         if self._targets.get(name) == target:
             return
         if name in self._loaders:
@@ -65,15 +67,23 @@ class Registry(Generic[Factory]):
         Raises:
             ConfigError: unknown, or what it names cannot be imported.
         """
+        if not isinstance(name, str):
+            raise ConfigError(f"{self.kind}: given {name!r}; expected a name or 'package.module:attribute'")
         if name in self._loaders:
             return self._loaders[name]()
-        if ":" in name:
-            return self._import(name)
-        if (point := next((point for point in self._entry_points() if point.name == name), None)) is not None:
-            return self._import(point.value)
+        if (target := self.target(name)) is not None:
+            return self._import(target)
         raise ConfigError(
             f"unknown {self.kind} '{name}'; known: {', '.join(self.names()) or 'none'}, or 'package.module:attribute'"
         )
+
+    def target(self, name: str) -> str | None:
+        """`package.module:attribute` of what is not ours; None for a name of ours, and for one that is unknown."""
+        if name in self._loaders:
+            return self._targets.get(name)
+        if TARGET.fullmatch(name):
+            return name
+        return next((point.value for point in self._entry_points() if point.name == name), None)
 
     def check(self, name: str) -> str:
         """`name`, if it stands for something; names of our own are not imported for that.

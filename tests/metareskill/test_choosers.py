@@ -140,7 +140,7 @@ def test_unknown_choosers_and_settings_are_refused():
         make_chooser("metareskill", {"alpha": 0.9})
     with pytest.raises(ConfigError, match="already registered"):
         CHOOSERS.register("ucb1", "p2l.metareskill.choosers.rules:round_robin")
-    with pytest.raises(ConfigError, match="no colon"):
+    with pytest.raises(ConfigError, match="is no target"):
         CHOOSERS.register("new", "p2l")
 
 

@@ -129,3 +129,24 @@ def test_impossible_engines_are_refused():
         Engine([bare.compile()], control_period_s=0.05, nthread=1)
     with pytest.raises(ConfigError, match="no site 'hand'"):
         add_impedance(bare, Impedance("hand", 1.0, 1.0))
+
+
+def test_no_rows_stay_no_rows():
+    """MuJoCo's own rollout ends the process on an empty batch."""
+    with Engine(models(), control_period_s=0.048, nthread=2) as engine:
+        states = engine.states_from(np.zeros((0, engine.nq)), np.zeros((0, 3)), np.zeros((0, 4)))
+        index, control = np.zeros(0, dtype=np.int64), engine.stiffness(0, 500.0, 4.0)
+        assert engine.sense(states, control, index).shape[0] == 0
+        chunk = engine.step(states, np.zeros((0, 3)), np.zeros((0, 4)), control, index)
+    assert chunk.states.shape == states.shape
+    assert not len(chunk.diverged)
+
+
+def test_the_fingerprint_is_of_the_physics():
+    heavy = models()
+    heavy[1].body_mass[np.argmax(heavy[1].body_mass)] *= 2.0
+    hashes = []
+    for each in (models(), models(), heavy):
+        with Engine(each, control_period_s=0.048, nthread=1) as engine:
+            hashes.append(engine.fingerprint())
+    assert hashes[0] == hashes[1] != hashes[2]

@@ -25,8 +25,8 @@ def recorded_failures(path: Path, item: str, world: str, params: Mapping[str, An
     """
     if not path.exists():
         raise ArtifactError(
-            f"{path}: no failures of '{item}' have been recorded. To discover some: `dvc repro discover@{item}`, or "
-            f"`python -m stages.discover world={item} hydra.run.dir={path.parent}`"
+            f"{path}: no failures of '{item}' have been recorded. To discover some: `python -m stages.discover "
+            f"world={item} hydra.run.dir={path.parent}`; for a world of the pipeline, `dvc repro discover@{item}`"
         )
     failures = load_failures(path, "train")
     check_params(failures, world, params, path)

@@ -1,6 +1,7 @@
 """A learner: the recovery MDP that PPO trains in (actions, reward, start states), and how its policy is executed.
 
-A learner is one file with a function `learner(task, limits, **settings) -> Learner`, and one line in `learners`.
+A learner is one file with a function `learner(task, limits, **settings) -> Learner`, and one line in
+`learners/table.py`.
 """
 
 from __future__ import annotations

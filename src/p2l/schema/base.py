@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+import re
+from collections.abc import Iterator, Mapping
 from difflib import get_close_matches
 from typing import Annotated, Any, ClassVar, TypeVar, cast
 
@@ -21,14 +22,16 @@ from pydantic import (
 )
 
 from p2l.artifacts import config_hash
+from p2l.closure import outside_code
 from p2l.errors import ConfigError, P2LError
-from p2l.registry import Registry
+from p2l.registry import TARGET, Registry
 
 Count = Annotated[int, Field(ge=1)]
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
 Probability = Annotated[float, Field(ge=0, le=1)]
 ModelT = TypeVar("ModelT", bound=BaseModel)
+_NAME = re.compile(r"\w[\w.-]*")
 
 
 class ConfigSection(BaseModel):
@@ -54,23 +57,49 @@ class ChoiceConfig(ConfigSection):
         """Its key in the registry."""
         return self.target or self.name
 
+    @property
+    def outside(self) -> str | None:
+        """Module that holds its factory, if that is not ours."""
+        target = self.registry.target(self.key)
+        return target and target.partition(":")[0]
+
     @field_validator("target")
     @classmethod
     def _check_target(cls, target: str | None) -> str | None:
-        if target is not None and ":" not in target:
-            raise ValueError("it has no colon; write 'package.module:attribute'")
+        if target is not None and not TARGET.fullmatch(target):
+            raise ValueError("it is no target; write 'package.module:attribute'")
         return None if target is None else _check_registry(cls.registry, target)
 
     @field_validator("name")
     @classmethod
     def _check_name(cls, name: str, info: ValidationInfo) -> str:
-        return name if info.data.get("target") else _check_registry(cls.registry, name)
+        if "target" not in info.data:  # it is wrong, and the name may be right
+            return name
+        if info.data["target"] is None:
+            return _check_registry(cls.registry, name)
+        if not _NAME.fullmatch(name):
+            raise ValueError("it stands in names of folders; use letters, digits, '_', '-' and '.'")
+        if name in cls.registry.names():
+            raise ValueError("it stands for another one; choose another name for what `target` names")
+        return name
 
     @model_serializer(mode="wrap")
     def _without_absent_target(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
         """A configuration that names no target is the same as before there were any."""
         values: dict[str, Any] = plain(self)
         return {key: values[key] for key in ("name", *values) if key != "target" or values[key] is not None}
+
+
+def _choices(value: object) -> Iterator[ChoiceConfig]:
+    """Everything in a configuration that is chosen by name."""
+    if isinstance(value, ChoiceConfig):
+        yield value
+    elif isinstance(value, BaseModel):
+        for name in type(value).model_fields:
+            yield from _choices(getattr(value, name))
+    elif isinstance(value, Mapping):
+        for each in value.values():
+            yield from _choices(each)
 
 
 def _check_registry(registry: Registry[Any], key: str) -> str:
@@ -97,9 +126,15 @@ class StageConfig(ConfigSection):
     def hash(self) -> str:
         """Identifies the work: hash of everything but `tracking` and the world's `nthread`, which change no result.
 
-        Checkpoints carry it in their names.
+        The code of what is not ours is part of it. Checkpoints carry it in their names.
         """
-        return config_hash(self.model_dump(mode="json", exclude={"tracking": True, "world": {"params": {"nthread"}}}))
+        values = self.model_dump(mode="json", exclude={"tracking": True, "world": {"params": {"nthread"}}})
+        return config_hash([values, code] if (code := self.outside_code) else values)
+
+    @property
+    def outside_code(self) -> str:
+        """Hash of the code of the worlds, learners and choosers that are not ours; empty if all are."""
+        return outside_code(sorted({module for choice in _choices(self) if (module := choice.outside)}))
 
     @property
     def subject(self) -> str:

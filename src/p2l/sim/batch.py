@@ -12,6 +12,7 @@ in the order of `furniture`.
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import TracebackType
@@ -99,6 +100,19 @@ class Engine:
     def close(self) -> None:
         """Stop the threads."""
         self._pool.close()
+
+    def fingerprint(self) -> str:
+        """Hash of every number of the models, to seven digits: processors differ in the last bits."""
+        digest = hashlib.blake2b(digest_size=8)
+        for model in self.models:
+            for part in (model, model.opt):
+                for name in sorted(each for each in dir(part) if not each.startswith("_")):
+                    value = getattr(part, name)
+                    if isinstance(value, (np.ndarray, int, float)):
+                        numbers = np.asarray(value)
+                        single = numbers.astype(np.float32) if numbers.dtype.kind == "f" else numbers
+                        digest.update(f"{name}:{single.dtype.str}:{single.shape}".encode() + single.tobytes())
+        return digest.hexdigest()
 
     def states_from(
         self,
@@ -196,6 +210,8 @@ class Engine:
         physics = np.ascontiguousarray(states[:, : self.physics_size])
         path = np.empty((rows, steps, self.physics_size))
         sensors = np.empty((rows, steps, self._sensor_size))
+        if not rows:  # MuJoCo's rollout would end the process
+            return path, sensors
         self._pool.rollout(
             models,
             self._data,

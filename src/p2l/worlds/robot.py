@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from p2l.artifacts import config_hash
+from p2l.closure import outside_code
 from p2l.contracts.estimator import Estimator
 from p2l.contracts.observation import Observation, Privileged
 from p2l.contracts.option import Option
@@ -70,9 +71,10 @@ class RobotWorld:
         joints = [first.model.joint(i).name for i in range(first.model.njnt)]
         # A row carries unit normals, so it means the same to every estimator and on any number of threads.
         digest_params = {key: value for key, value in params.items() if key not in ("estimator", "nthread")}
-        self.digest = config_hash(
-            [ROW_VERSION, name, digest_params, joints, list(self.engine.sensor_columns), list(self.engine.furniture)]
-        )
+        columns = [list(self.engine.sensor_columns), list(self.engine.furniture)]
+        # ROW_VERSION marks the edits of our worlds after which a saved row means something else; others have no such.
+        outside = [code, self.engine.fingerprint()] if (code := outside_code([type(self).__module__])) else []
+        self.digest = config_hash([ROW_VERSION, name, digest_params, joints, *columns, *outside])
         self._fingers = {self.engine.control_names.index(act): ends for act, ends in first.fingers.items()}
         self._columns: dict[str, int] = {j: 1 + int(first.model.joint(j).qposadr[0]) for j in joints}
         self._arm = [self._columns[name] for name in first.arm_joints]
