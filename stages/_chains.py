@@ -76,6 +76,8 @@ def run_teller(track: Tracker) -> Callable[[RunKey, RunResult], None]:
     """Tells the tracker what came out of each run."""
 
     def tell(key: RunKey, learnt: RunResult) -> None:
+        if not learnt.times:
+            print(f"{key[0]} s{key[1]}: in the records already")
         numbers = {name: value for name, value in {**learnt.facts, **learnt.times}.items() if value is not None}
         track.metrics({f"{key[0]}/s{key[1]}/{name}": value for name, value in numbers.items()})
 

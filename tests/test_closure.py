@@ -89,7 +89,8 @@ def test_code_that_is_not_ours_counts_with_what_it_imports_beside_it(tmp_path, m
         "mine/sub/late.py": "from ..other import y\n",
         "mine/other.py": "y = 2\n",
         "mine/unused.py": "z = 2\n",
-        "beside.py": "try:\n    import mine._compiled\nexcept ImportError:\n    pass\n",
+        "beside.py": "try:\n    import mine._compiled\n    import mine.broken\nexcept Exception:\n    pass\n",
+        "mine/broken.py": "def f(:\n",
     }
     for name, text in files.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
@@ -101,7 +102,15 @@ def test_code_that_is_not_ours_counts_with_what_it_imports_beside_it(tmp_path, m
     (tmp_path / "mine/unused.py").write_text("z = 3\n")
     (tmp_path / "mine/masses.py").write_text("kilogram = 1.0  # of the box\n")
     assert outside_code(["mine.world"]) == before
-    for name in ("mine/world.py", "mine/masses.py", "mine/sub/late.py", "mine/other.py", "beside.py"):
+    (tmp_path / "mine/masses.py").write_bytes(b"\xef\xbb\xbf" + files["mine/masses.py"].encode())
+    assert outside_code(["mine.world"]) == before, "an editor's mark at the beginning"
+    (tmp_path / "mine/masses.py").write_bytes(b"# -*- coding: latin-1 -*-\n# \xe9\n" + files["mine/masses.py"].encode())
+    assert outside_code(["mine.world"]) == before
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "mine/masses.py").rename(tmp_path / "elsewhere/masses.txt")
+    (tmp_path / "mine/masses.py").symlink_to(tmp_path / "elsewhere/masses.txt")
+    assert outside_code(["mine.world"]) == before, "a link"
+    for name in ("mine/world.py", "mine/masses.py", "mine/sub/late.py", "mine/other.py", "mine/broken.py", "beside.py"):
         (tmp_path / name).write_text(files[name] + "x = 7\n")
         assert outside_code(["mine.world"]) != before, name
         (tmp_path / name).write_text(files[name])
@@ -119,12 +128,12 @@ def test_what_does_not_exist_is_refused(package):
 def test_a_change_where_episodes_are_made_changes_the_digest(monkeypatch):
     """`steps = 0`, planted where the episodes of chapter 5 are run, once left the digest as it was."""
     before = code_digest("stages.evaluate_chains", PACKAGES)
-    planted, read = ROOT / "src" / "p2l" / "chaining" / "episodes.py", Path.read_text
+    planted, read = ROOT / "src" / "p2l" / "chaining" / "episodes.py", Path.read_bytes
     assert planted in closure("stages.evaluate_chains", PACKAGES)
     monkeypatch.setattr(
         Path,
-        "read_text",
-        lambda path, *given, **named: read(path, *given, **named) + "\nsteps = 0\n" * (path == planted),
+        "read_bytes",
+        lambda path: read(path) + b"\nsteps = 0\n" * (path == planted),
     )
     for remembered in (reading._parse, reading._code):  # files are read again where their time has changed
         monkeypatch.setattr(reading, remembered.__name__, remembered.__wrapped__)

@@ -17,11 +17,10 @@ Left out, with what they alone import:
 from __future__ import annotations
 
 import ast
-import sys
 import sysconfig
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
-from importlib.machinery import PathFinder
+from importlib.util import find_spec
 from pathlib import Path
 
 from p2l.artifacts import config_hash
@@ -90,7 +89,7 @@ def outside_code(modules: Iterable[str]) -> str:
     sources: dict[str, str] = {}
     for module in modules:
         top = module.partition(".")[0]
-        if top in DOORS or (place := _folder(top)) is None:
+        if top in (*DOORS, "__main__") or (place := _folder(top)) is None:
             continue
         mine = {top: place, **_neighbours(place)}
         sources |= dict(_sources(_walk(module, mine, strict=False), mine))
@@ -99,9 +98,10 @@ def outside_code(modules: Iterable[str]) -> str:
 
 def _folder(top: str) -> Path | None:
     """Where a top-level package or module lies, without a suffix; None if it has no source."""
-    if top == "__main__":
+    try:
+        spec = find_spec(top)
+    except ValueError:  # made by hand
         return None
-    spec = PathFinder.find_spec(top, sys.path)
     if spec is None:
         return None
     if spec.submodule_search_locations:
@@ -120,9 +120,9 @@ def _neighbours(place: Path) -> dict[str, Path]:
 
 def _sources(files: Iterable[Path], folders: Mapping[str, Path]) -> Iterator[tuple[str, str]]:
     """Dotted place and code of files, wherever their packages lie."""
-    roots = {folder.resolve(): name for name, folder in folders.items()}
+    roots = {folder: name for name, folder in folders.items()}
     for file in files:
-        bare = file.resolve().with_suffix("")
+        bare = file.with_suffix("")
         root = next(root for root in roots if bare.is_relative_to(root))
         yield f"{roots[root]}/{bare.relative_to(root).as_posix()}", _code(file, file.stat().st_mtime_ns)
 
@@ -158,7 +158,11 @@ def _file(name: str, folders: Mapping[str, Path]) -> Path | None:
 
 @cache
 def _parse(file: Path, changed_ns: int) -> ast.Module:  # noqa: ARG001 (a file that has changed is read again)
-    return ast.parse(file.read_text(encoding="utf-8"))
+    source = file.read_bytes()
+    try:
+        return ast.parse(source)
+    except (SyntaxError, ValueError):  # an import that somebody's program survives without
+        return ast.Module([ast.Return(ast.Constant(source))], [])
 
 
 def imports(file: Path, package: str) -> Iterator[tuple[str, tuple[str, ...]]]:

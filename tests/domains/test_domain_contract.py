@@ -77,7 +77,7 @@ def test_unknown_names_and_parameters_are_refused():
         make_domain("lego", {"tap_niose": 1.0})
     with pytest.raises(ConfigError, match="already"):
         DOMAINS.register("lego", "elsewhere:Lego")
-    with pytest.raises(ConfigError, match="colon"):
+    with pytest.raises(ConfigError, match="is no target"):
         DOMAINS.register("new", "elsewhere")
 
 

@@ -69,7 +69,7 @@ def test_a_target_is_part_of_the_configuration_and_a_name_of_ours_has_none():
         ({"name": "mine", "target": "examples.push.world:Pull"}, "module 'examples.push.world' has no 'Pull'"),
         ({"name": "mine", "target": ":Push"}, "world.target: given ':Push'; it is no target"),
         ({"name": "mine", "target": ".world:Push"}, "world.target: given '.world:Push'; it is no target"),
-        ({"name": "door", "target": TARGET}, "world.name: given 'door'; it stands for another one"),
+        ({"name": "door", "target": TARGET}, "world.name: given 'door'; it is the name of one that is there already"),
         ({"name": "../mine", "target": TARGET}, "world.name: given '../mine'; it stands in names of folders"),
         ({"name": "mine"}, "world.name: given 'mine'; unknown world 'mine'; known: .*or 'package.module:attribute'"),
     ],
@@ -100,6 +100,16 @@ def test_an_edit_of_it_makes_its_rows_and_its_records_another_ones(file, tmp_pat
     assert identities() == before
     edited.write_text(edited.read_text() + "\nKILOGRAMS = 2.0\n")
     assert not set(identities()) & set(before)
+
+
+def test_what_a_function_does_to_a_world_is_part_of_its_identity(tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    text = "from examples.push.world import Push\ndef make(nthread=1):\n    return Push(nthread=nthread)\n"
+    (tmp_path / "made.py").write_text(text)
+    before = make_world("made:make").digest
+    assert make_world("made:make").digest == before != make_world(TARGET).digest
+    (tmp_path / "made.py").write_text(text + "HEIGHT_M = 0.2\n")
+    assert make_world("made:make").digest != before
 
 
 def test_no_stage_depends_on_it():

@@ -250,7 +250,7 @@ def check_policy(
     if card.digest != digest and not transfer:
         raise ArtifactError(
             f"{where}: learnt in world '{world}' with other parameters or code ({card.digest}, not {digest}); train "
-            "again, or watch it all the same with transfer=true"
+            "again, or `python -m stages.watch … transfer=true` shows it all the same"
         )
 
 

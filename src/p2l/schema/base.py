@@ -80,7 +80,7 @@ class ChoiceConfig(ConfigSection):
         if not _NAME.fullmatch(name):
             raise ValueError("it stands in names of folders; use letters, digits, '_', '-' and '.'")
         if name in cls.registry.names():
-            raise ValueError("it stands for another one; choose another name for what `target` names")
+            raise ValueError("it is the name of one that is there already; choose another for what `target` names")
         return name
 
     @model_serializer(mode="wrap")

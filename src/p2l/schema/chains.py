@@ -86,7 +86,10 @@ class ChainRecoveriesConfig(WorldStageConfig):
     @model_validator(mode="after")
     def _runs(self) -> ChainRecoveriesConfig:
         if unknown := sorted(set(self.compare) - set(self.learners)):
-            raise ValueError(f"compare names {', '.join(unknown)}; learners has: {', '.join(self.learners) or 'none'}")
+            raise ValueError(
+                f"compare names {', '.join(unknown)}; learners has: {', '.join(self.learners) or 'none'}. Add one of a "
+                f"YAML with +learner@learners.{unknown[0]}={unknown[0]}"
+            )
         if self.compare and not self.seeds:
             raise ValueError("compare needs seeds: name at least one")
         return self

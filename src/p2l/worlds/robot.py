@@ -73,7 +73,8 @@ class RobotWorld:
         digest_params = {key: value for key, value in params.items() if key not in ("estimator", "nthread")}
         columns = [list(self.engine.sensor_columns), list(self.engine.furniture)]
         # ROW_VERSION marks the edits of our worlds after which a saved row means something else; others have no such.
-        outside = [code, self.engine.fingerprint()] if (code := outside_code([type(self).__module__])) else []
+        module = type(self).__module__
+        outside = [] if module.startswith("p2l.") else [outside_code([module]), self.engine.fingerprint()]
         self.digest = config_hash([ROW_VERSION, name, digest_params, joints, *columns, *outside])
         self._fingers = {self.engine.control_names.index(act): ends for act, ends in first.fingers.items()}
         self._columns: dict[str, int] = {j: 1 + int(first.model.joint(j).qposadr[0]) for j in joints}

@@ -8,6 +8,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from typing import Any
 
+from p2l.artifacts import config_hash
+from p2l.closure import outside_code
 from p2l.contracts.world import World
 from p2l.registry import Registry
 
@@ -53,4 +55,9 @@ def make_world(name: str, params: Mapping[str, Any] | None = None) -> World:
         >>> [option.name for option in world.nominal_options()]
         ['reach_and_grasp', 'rotate_handle', 'pull_handle']
     """
-    return WORLDS.expect(name, WORLDS.factory_for(name, params)(**dict(params or {})), World)
+    world = WORLDS.expect(name, WORLDS.factory_for(name, params)(**dict(params or {})), World)
+    module = (WORLDS.target(name) or "").partition(":")[0]
+    if module and module != type(world).__module__ and isinstance(vars(world).get("digest"), str):
+        # What a function does to a world after it was made is in the function's code alone.
+        world.digest = config_hash([world.digest, outside_code([module])])  # type: ignore[misc]
+    return world
