@@ -6,6 +6,7 @@ import numpy as np
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from p2l.errors import ShapeError
 from p2l.team import Problem
 
 probability = st.one_of(st.sampled_from([0.0, 0.1, 0.5, 0.9, 1.0]), st.floats(0.0, 1.0, width=32))
@@ -67,6 +68,39 @@ def geometric(n, seed=0):
     place = rng.random((n, 2))
     distance = np.linalg.norm(place[:, None] - place[None], axis=2)
     return thesis_set(n, np.exp(-distance / 0.3))
+
+
+def random_transfer(n, seed=1):
+    """Skills that carry over at random: the relaxation is not integral."""
+    return thesis_set(n, np.random.default_rng(seed).random((n, n)))
+
+
+def any_scale(seed):
+    """A problem of at most 9 tasks, costs of up to 18 orders of magnitude; None where nobody can do a task."""
+    rng = np.random.default_rng(seed)
+    n, kind = int(rng.integers(1, 10)), rng.integers(6)
+
+    def costs():
+        return [
+            lambda: 10.0 ** rng.uniform(-6.0, 12.0, n),
+            lambda: rng.uniform(0.0, 300.0, n) * 10.0 ** rng.integers(-6, 13),
+            lambda: np.where(rng.random(n) < 0.3, 10.0 ** rng.uniform(3.0, 15.0, n), rng.uniform(0.0, 300.0, n)),
+            lambda: np.where(rng.random(n) < 0.3, np.inf, rng.uniform(0.0, 300.0, n)),
+            lambda: rng.choice([0.0, 10.0, 100.0, 200.0, 1e12, np.inf], n),
+            lambda: np.full(n, rng.choice([10.0, 100.0, 200.0, 3e10, 1e12, 1e15])),
+        ][kind]()
+
+    def probabilities(shape):
+        some = rng.choice([0.0, 0.1, 0.5, 0.9, 1.0 - 1e-9, 1.0], shape)
+        return some if rng.random() < 0.5 else rng.random(shape)
+
+    parts = [costs() for _ in range(4)]
+    pretrained = probabilities(n) * rng.integers(2)
+    order = ("fixed", "any")[rng.integers(2)]
+    try:
+        return Problem(tuple(f"t{i}" for i in range(n)), *parts, pretrained, probabilities((n, n)), order)
+    except ShapeError:
+        return None
 
 
 def dense(size, kind, seed):

@@ -5,18 +5,21 @@ import pytest
 from hypothesis import given, settings
 
 from p2l.team import plan
-from p2l.team.certificate import lagrangian_bound
-from p2l.team.facility import branch, of_problem, of_table, solve_pairs, solve_program
+from p2l.team.certificate import lagrangian_bound, proven_location_bound
+from p2l.team.facility import branch, of_problem, of_table, solve_pairs, solve_program, tree
+from p2l.team.facility.alarm import Alarm
 from p2l.team.facility.dual_ascent import dual_ascent
 from p2l.team.facility.fixing import fix, shrink, whole
 from p2l.team.facility.greedy import greedy_solution, guarantee
 from p2l.team.facility.local_search import columns_of, descend, open_cost
+from p2l.team.facility.presolve import presolve, solution_cost
 from p2l.team.facility.volume import CLOSED, OPEN, bound_of, raise_bound
 from tests.team.team_instances import dense, problems, tables
 
 
 def by_kernels(opening, service):
-    return solve_pairs(of_table(opening, service), deadline=time.perf_counter() + 60.0)
+    whole = bool((opening == np.floor(opening)).all() and (service == np.floor(service)).all())
+    return solve_pairs(of_table(opening, service), deadline=time.perf_counter() + 60.0, whole_numbers=whole)
 
 
 @pytest.mark.parametrize("kind", "abc")
@@ -26,8 +29,10 @@ def test_a_tree_that_shrinks_its_instances_equals_one_that_does_not(kind, seed, 
     fast = by_kernels(opening, service)
     monkeypatch.setattr(branch, "_WORTH_SHRINKING", 1 << 60)
     naive = by_kernels(opening, service)
-    assert (fast.status, naive.status) == ("optimal", "optimal")
+    assert (fast.complete, naive.complete) == (True, True)
     assert fast.cost == naive.cost
+    for solution in (fast, naive):
+        assert proven_location_bound(opening, service, solution.certificate, solution.cost) == solution.cost
 
 
 @pytest.mark.parametrize("kind", "abc")
@@ -36,7 +41,7 @@ def test_a_search_out_of_memory_goes_depth_first_and_finds_the_same(kind, monkey
     roomy = by_kernels(opening, service)
     monkeypatch.setattr(branch, "_MEMORY", 0)
     tight = by_kernels(opening, service)
-    assert (tight.status, tight.cost) == ("optimal", roomy.cost)
+    assert (tight.complete, tight.cost) == (True, roomy.cost)
 
 
 @pytest.mark.parametrize(("size", "kind"), [(64, "a"), (40, "b"), (45, "c")])
@@ -131,4 +136,43 @@ def test_a_bound_of_the_tree_is_never_above_the_optimum():
     best = by_kernels(opening, service).cost
     for limit in (0.02, 0.1, 0.3):
         solution = solve_pairs(of_table(opening, service), deadline=time.perf_counter() + limit)
-        assert solution.lower_bound <= best <= solution.cost
+        assert proven_location_bound(opening, service, solution.certificate, solution.cost) <= best <= solution.cost
+
+
+def test_a_proof_that_would_not_fit_in_memory_proves_less_and_nothing_wrong(monkeypatch):
+    opening, service = dense(90, "b", 3)
+    best = by_kernels(opening, service)
+    monkeypatch.setattr(tree, "_MEMORY", 20 * 8 * 90)
+    short = by_kernels(opening, service)
+    assert short.cost == best.cost
+    assert len(short.certificate.multipliers) <= 20
+    assert proven_location_bound(opening, service, short.certificate, short.cost) < best.cost
+
+
+@settings(max_examples=200)
+@given(problems())
+def test_presolving_keeps_the_optimum_and_leaves_only_numbers_that_a_solution_may_cost(problem):
+    pairs = of_problem(problem)
+    small, scale, known = presolve(pairs)
+    upper = solution_cost(pairs, known)
+    assert upper <= problem.n * plan(problem, "exhaustive").objective * (1 + 1e-12)
+    assert np.isfinite(scale)
+    largest = 2.0 * upper * scale * (1 + 1e-12) if upper else 1.0
+    assert all((part <= largest).all() for part in (small.opening, small.outside, small.cost))
+    lessons = plan(problem, "exhaustive").decision == 2
+    assert open_cost(small, lessons) / scale == pytest.approx(open_cost(pairs, lessons))
+
+
+def test_an_alarm_stops_kernels_at_a_valid_state():
+    pairs = of_table(*dense(150, "b", 5))
+    raised = np.ones(1, dtype=np.uint8)
+    v, suggestion = dual_ascent(pairs, None, raised)
+    assert bound_of(pairs, np.zeros(150, dtype=np.int8), v) == pytest.approx(v.sum())
+    assert np.array_equal(descend(pairs, columns_of(pairs), suggestion, suggestion, raised), suggestion)
+    bound = raise_bound(pairs, np.zeros(150, dtype=np.int8), v, np.inf, 1000, flag=raised)
+    assert bound.value == pytest.approx(v.sum())
+    with Alarm(time.perf_counter() + 0.05) as alarm:
+        assert not alarm.rang
+        while not alarm.flag[0]:
+            time.sleep(0.005)
+    assert alarm.rang

@@ -14,7 +14,8 @@ from tests.team.team_instances import thesis_set
     ("change", "message"),
     [
         ({"c_rob": np.array([1.0, np.nan])}, "c_rob: holds NaN"),
-        ({"c_hum": np.array([1.0, np.inf])}, "c_hum: holds NaN or infinity"),
+        ({"c_hum": np.full(2, np.inf), "c_rob": np.full(2, np.inf), "c_demo": np.full(2, np.inf)}, "cannot be done"),
+        ({"tasks": "ab"}, "tasks: one text 'ab' given; expected a list of names"),
         ({"c_fail": np.array([1.0, -0.5])}, "c_fail: holds -0.5"),
         ({"c_demo": np.ones(3)}, "c_demo: axis 0 has length 3"),
         ({"c_demo": np.full(2, 1e308)}, "costs: their sum overflows"),

@@ -40,8 +40,7 @@ def act_learn_myopic(problem: Problem) -> IntArray:
     """ALM: [n] attempt or ask for a demonstration, whichever costs less at once."""
 
     def asks(task: int, confidence: float) -> bool:
-        attempt = problem.c_rob[task] + (1.0 - confidence) * problem.c_fail[task]
-        return bool(problem.c_demo[task] < attempt)
+        return bool(problem.c_demo[task] < problem.attempt_cost(np.array([confidence]), [task])[0])
 
     return _walk(problem, asks)
 

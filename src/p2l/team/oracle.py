@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import math
+import time
+
 import numpy as np
 
 from p2l.errors import SolverError
@@ -12,20 +15,23 @@ from p2l.team.problem import Problem
 LARGEST = 14
 
 
-def exhaustive(problem: Problem) -> BoolArray:
+def exhaustive(problem: Problem, deadline: float = math.inf) -> BoolArray:
     """[n] the lessons of a cheapest plan, found by trying all 2^n sets (the smallest index set wins a tie).
 
     Raises:
         SolverError: more than 14 tasks.
+        TimeoutError: the `deadline` of `time.perf_counter` came first.
     """
     if problem.n > LARGEST:
         raise SolverError(f"exhaustive: {problem.n} tasks given; it tries every set, so at most {LARGEST}. Use 'auto'")
     best_cost, best_lessons = float("inf"), np.zeros(problem.n, dtype=bool)
     for code in range(1 << problem.n):
+        if time.perf_counter() > deadline:
+            raise TimeoutError
         lessons = (code >> np.arange(problem.n)) & 1 == 1
         best_probability, _ = best_skills(problem, lessons, work_order(problem, lessons))
-        attempt = problem.c_rob + (1.0 - best_probability) * problem.c_fail
-        cost = float(np.where(lessons, problem.c_demo, np.minimum(problem.c_hum, attempt)).sum())
+        attempt = problem.attempt_cost(best_probability)
+        cost = math.fsum(np.where(lessons, problem.c_demo, np.minimum(problem.c_hum, attempt)).tolist())
         if cost < best_cost:
             best_cost, best_lessons = cost, lessons
     return best_lessons

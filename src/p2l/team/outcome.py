@@ -8,6 +8,7 @@ an attempt prefers the pre-trained skills, then the earliest lesson.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -27,8 +28,8 @@ class Outcome:
 
     @property
     def total(self) -> float:
-        """Expected cost of the whole plan."""
-        return float(self.expected_cost.sum())
+        """Expected cost of the whole plan, rounded once."""
+        return math.fsum(self.expected_cost.tolist())
 
 
 def objective(problem: Problem, decision: IntArray, sequence: IntArray | None = None) -> Outcome:
@@ -44,7 +45,7 @@ def objective(problem: Problem, decision: IntArray, sequence: IntArray | None = 
     is_taught = decisions == Decision.LEARN
     steps = work_order(problem, is_taught) if sequence is None else _permutation(problem, sequence)
     best, skill = best_skills(problem, is_taught, steps)
-    cost = problem.c_rob + (1.0 - best) * problem.c_fail
+    cost = problem.attempt_cost(best)
     own = np.arange(problem.n)
     is_delegated = decisions == Decision.DELEGATE
     return Outcome(
@@ -58,7 +59,7 @@ def decide(problem: Problem, is_taught: BoolArray, sequence: IntArray | None = N
     """[n] the best decision for every task once it is known which ones are taught."""
     steps = work_order(problem, is_taught) if sequence is None else sequence
     best, _ = best_skills(problem, is_taught, steps)
-    act = problem.c_rob + (1.0 - best) * problem.c_fail < problem.c_hum
+    act = problem.attempt_cost(best) < problem.c_hum
     return np.where(is_taught, Decision.LEARN, np.where(act, Decision.ACT, Decision.DELEGATE)).astype(np.int64)
 
 

@@ -1,26 +1,28 @@
 """One door to every planner: `plan(problem, planner=...)`.
 
-The route (`p2l.team.routes`) finds the decisions and a bound; this module checks the request, times it, recomputes the
-expected costs from scratch and writes the `Plan`.
+The route (`p2l.team.routes`) finds the decisions; this module checks the request, times it, recomputes the expected
+costs from scratch, has the bound proven by `p2l.team.certificate`, and writes the `Plan`.
 """
 
 from __future__ import annotations
 
 import math
 import time
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 
 from p2l.errors import ConfigError, SolverError
-from p2l.team.certificate import lagrangian_bound
+from p2l.records import Array, BoolArray
+from p2l.team import facility
+from p2l.team.certificate import PROVEN, proven_bound
+from p2l.team.contract import PlannerResult, StoppingRule, check_stopping
 from p2l.team.outcome import objective, work_order
 from p2l.team.problem import Certificate, Decision, Plan, Problem, Status, relative_gap
-from p2l.team.routes import PLANNERS, PlannerResult, StoppingRule, prepare
+from p2l.team.routes import PLANNERS
 
-PROVEN = 1e-9  # relative gap at which cost and bound are the same number
-TRUST = 1e-6  # relative gap up to which a solver that says "optimal" is believed: its feasibility tolerance
-CONTRADICTION = 1e-3  # relative to the cost, or to 1: a bound that far above the cost of a plan is no rounding
+_PROVABLE = 1_000  # tasks up to which a proof is looked for where a route has none
+_FINISH = 0.1  # share of the time limit, at most, that is left for what comes after a route
 
 
 def plan(
@@ -51,60 +53,44 @@ def plan(
         >>> [Decision(decision).name for decision in day.decision], round(day.objective, 1)
         (['LEARN', 'ACT', 'ACT'], 240.0)
     """
+    if not isinstance(problem, Problem):
+        raise ConfigError(f"problem: given a {type(problem).__name__}; make a p2l.Problem, or read one from CSV files")
     route = PLANNERS.factory_for(planner, options, own=2)
-    if not time_limit_s > 0.0:
-        raise ConfigError(f"time_limit_s: {time_limit_s} given; it must be above 0")
-    if not 0.0 <= gap < 1.0:
-        raise ConfigError(f"gap: {gap} given; it is relative and must lie in [0, 1)")
-    prepare(planner, problem)
+    limit_s, gap = check_stopping(time_limit_s, gap)
     start = time.perf_counter()
-    result = PLANNERS.expect(planner, route(problem, StoppingRule(start + time_limit_s, gap), **options), PlannerResult)
+    stop = StoppingRule(start + limit_s * (1.0 - _FINISH), gap)
+    result = PLANNERS.expect(planner, route(problem, stop, **options), PlannerResult)
     _check_result(problem, planner, result)
-    return _plan(problem, planner, result, start)
+    return _plan(problem, planner, result, stop, start)
 
 
 def _check_result(problem: Problem, planner: str, result: PlannerResult) -> None:
-    """Refuse what no plan can be made of, before anything is said to be proven by it."""
-    if result.status not in get_args(Status):
-        raise SolverError(f"planner '{planner}': status {result.status!r}; known: {', '.join(get_args(Status))}")
-    for name, vector in (
-        ("decision", result.decision),
-        ("multipliers", result.multipliers),
-        ("sequence", result.sequence),
-    ):
+    """Refuse what no plan can be made of."""
+    for name, vector in (("decision", result.decision), ("sequence", result.sequence)):
         if vector is not None and np.shape(vector) != (problem.n,):
             raise SolverError(f"planner '{planner}': {name} has shape {np.shape(vector)}; there are {problem.n} tasks")
     if not np.isin(result.decision, list(Decision)).all():
         raise SolverError(f"planner '{planner}': a decision is none of {', '.join(each.name for each in Decision)}")
     if result.sequence is not None and not np.array_equal(np.sort(result.sequence), np.arange(problem.n)):
         raise SolverError(f"planner '{planner}': sequence is no order of the {problem.n} tasks")
+    if result.certificate is not None and not isinstance(result.certificate, Certificate):
+        raise SolverError(f"planner '{planner}': certificate is a {type(result.certificate).__name__}, no Certificate")
 
 
-def _plan(problem: Problem, planner: str, result: PlannerResult, start: float) -> Plan:
-    lessons = result.decision == Decision.LEARN
+def _plan(problem: Problem, planner: str, result: PlannerResult, stop: StoppingRule, start: float) -> Plan:
+    lessons = np.asarray(result.decision) == Decision.LEARN
     sequence = work_order(problem, lessons) if result.sequence is None else result.sequence
     outcome = objective(problem, result.decision, sequence)
     cost = outcome.total
-    if result.lower_bound > cost + CONTRADICTION * max(1.0, abs(cost)):
-        raise SolverError(
-            f"planner '{planner}': says that no plan costs less than {result.lower_bound:g}; its own costs {cost:g}"
-        )
-    proven = [result.lower_bound, cheapest_conceivable(problem)]
-    certificate = None
-    if result.multipliers is not None:
-        multipliers = np.minimum(result.multipliers, problem.outside)
-        certificate = Certificate(multipliers, lagrangian_bound(problem, multipliers), cost)
-        proven.append(certificate.bound)
-    bound = min(cost, max(bound for bound in proven if not math.isnan(bound)))
+    if math.isinf(cost):
+        task = problem.tasks[int(np.isinf(outcome.expected_cost).argmax())]
+        raise SolverError(f"planner '{planner}': its plan does task '{task}' in a way that is not possible; try 'auto'")
+    certificate, bound = _proof(problem, result, lessons, cost, stop)
     gap = relative_gap(cost, bound)
-    status = result.status
-    if gap <= PROVEN:
-        status = "optimal"
-    elif status == "optimal" and gap > TRUST:
-        status = "feasible"
+    status: Status = "heuristic" if result.complete is None else "feasible" if result.complete else "time_limit"
     return Plan(
         planner=planner,
-        status=status,
+        status="optimal" if gap <= PROVEN else status,
         sequence=sequence,
         decision=result.decision,
         skill=outcome.skill,
@@ -118,8 +104,37 @@ def _plan(problem: Problem, planner: str, result: PlannerResult, start: float) -
     )
 
 
-def cheapest_conceivable(problem: Problem) -> float:
-    """A bound that needs no solver: every task at its cheapest if every lesson were already given, for free."""
-    best = np.maximum(problem.pretrained, problem.transfer.max(axis=0))
-    attempt = problem.c_rob + (1.0 - best) * problem.c_fail
-    return float(np.minimum(np.minimum(attempt, problem.c_hum), problem.c_demo).sum())
+def _proof(
+    problem: Problem, result: PlannerResult, lessons: BoolArray, cost: float, stop: StoppingRule
+) -> tuple[Certificate, float]:
+    """The certificate that proves most, and its bound.
+
+    Where a route says that it has ended, and hands over no proof of that, the large-scale route looks for one.
+    """
+    certificates = [] if result.certificate is None else [result.certificate]
+    bounds = [proven_bound(problem, each) for each in certificates]
+    if result.certificate is None or problem.n <= _PROVABLE:
+        multipliers = _cheapest_conceivable(problem)
+        certificates.append(Certificate.of(multipliers))  # no lesson can beat any v_i, so that L(v) is their sum
+        bounds.append(math.fsum(multipliers.tolist()) * (1.0 - PROVEN / 1000))
+    if result.complete and relative_gap(cost, max(bounds)) > max(PROVEN, stop.gap) and problem.n <= _PROVABLE:
+        best = certificates[int(np.argmax(bounds))].multipliers[0]
+        multipliers = np.minimum(best, problem.outside)
+        facility.load_kernels()
+        solution = facility.solve_pairs(
+            facility.of_problem(problem),
+            deadline=stop.deadline,
+            gap=stop.gap,
+            multipliers=multipliers,
+            open_set=lessons,
+        )
+        certificates.append(solution.certificate)
+        bounds.append(proven_bound(problem, solution.certificate))
+    best_index = int(np.argmax(bounds))
+    return certificates[best_index], min(cost, bounds[best_index])
+
+
+def _cheapest_conceivable(problem: Problem) -> Array:
+    """[n] multipliers that need no solver: every task at its cheapest if every lesson were already given, for free."""
+    attempt = problem.attempt_cost(np.maximum(problem.pretrained, problem.transfer.max(axis=0)))
+    return np.minimum(np.minimum(attempt, problem.c_hum), problem.c_demo)

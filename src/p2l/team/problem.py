@@ -6,11 +6,13 @@ Axis letters of this room: n tasks, D demands, F facilities, Z useful pairs. Cos
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Literal, cast
 
 import numpy as np
+import numpy.typing as npt
 
 from p2l.errors import ShapeError
 from p2l.records import Array, BoolArray, IntArray, freeze
@@ -40,17 +42,18 @@ class Problem:
 
     Attributes:
         tasks: n distinct task names, in work order.
-        c_rob: [n] cost of a robot attempt.
-        c_hum: [n] cost of handing the task to the person.
-        c_fail: [n] cost of a failed attempt, paid on top of the attempt.
-        c_demo: [n] cost of a demonstration, which also completes the task.
+        c_rob: [n] cost of a robot attempt; infinite: the robot cannot attempt the task.
+        c_hum: [n] cost of handing the task to the person; infinite: the person cannot do it.
+        c_fail: [n] cost of a failed attempt, paid on top of the attempt; infinite: no attempt that may fail.
+        c_demo: [n] cost of a demonstration, which also completes the task; infinite: it cannot be taught.
         pretrained: [n] success probability ρ_0 of the skills that the robot already has.
         transfer: [n, n] success probability on the tested task (column) after a lesson on the taught task (row).
             The diagonal is not used: a taught task is completed by its own demonstration.
         order: "fixed" (only earlier lessons help) or "any" (the planner may put every lesson first, section 6.2.1).
 
     Raises:
-        ShapeError: a wrong shape, NaN or infinity, a negative cost, a probability outside [0, 1], a repeated name.
+        ShapeError: a wrong shape, NaN, a negative cost, a probability outside [0, 1], a repeated name, a task that
+            nobody can do, costs whose sum overflows.
 
     Example:
         Two tasks that the robot cannot do yet; a lesson on one carries over to the other nine times in ten.
@@ -77,6 +80,8 @@ class Problem:
 
     def __post_init__(self) -> None:
         put = object.__setattr__
+        if isinstance(cast(object, self.tasks), str):
+            raise ShapeError(f"tasks: one text {self.tasks!r} given; expected a list of names")
         put(self, "tasks", tuple(str(name) for name in self.tasks))
         if not self.tasks:
             raise ShapeError("tasks: none given; a problem needs at least one task")
@@ -87,13 +92,28 @@ class Problem:
             raise ShapeError(f"order: '{self.order}' is unknown; use one of {list(ORDERS)}")
         sizes = {"n": self.n}
         for name in ("c_rob", "c_hum", "c_fail", "c_demo"):
-            put(self, name, freeze(name, getattr(self, name), ("n",), sizes, low=0.0))
+            put(self, name, freeze_cost(name, getattr(self, name), ("n",), sizes))
         put(self, "pretrained", freeze("pretrained", self.pretrained, ("n",), sizes, low=0.0, high=1.0))
         put(self, "transfer", freeze("transfer", self.transfer, ("n", "n"), sizes, low=0.0, high=1.0))
+        costs = np.stack([self.c_rob, self.c_hum, self.c_fail, self.c_demo])
         with np.errstate(over="ignore"):
-            total = float(np.sum([self.c_rob, self.c_hum, self.c_fail, self.c_demo]))
+            total = float(costs.sum(where=np.isfinite(costs)))
         if not math.isfinite(total):
             raise ShapeError("costs: their sum overflows; express them in a larger unit")
+        self._refuse_impossible_tasks()
+
+    def _refuse_impossible_tasks(self) -> None:
+        """A plan that teaches all that can be taught does every task, unless one of them has no way at all."""
+        for task in np.flatnonzero(np.isinf(self.outside) & np.isinf(self.c_demo)).tolist():
+            lessons = np.isfinite(self.c_demo)
+            if self.order == "fixed":
+                lessons[task:] = False
+            best = max(self.transfer[lessons, task], default=0.0)
+            if not math.isfinite(float(self.attempt_cost(np.array([best]), [task])[0])):
+                raise ShapeError(
+                    f"task '{self.tasks[task]}' cannot be done: nobody can do or teach it, and no lesson that comes in "
+                    "time makes an attempt possible; give it a finite cost"
+                )
 
     @property
     def n(self) -> int:
@@ -103,7 +123,7 @@ class Problem:
     @property
     def attempt(self) -> Array:
         """[n] expected cost of an attempt with the pre-trained skills."""
-        return cast(Array, self.c_rob + (1.0 - self.pretrained) * self.c_fail)
+        return self.attempt_cost(self.pretrained)
 
     @property
     def outside(self) -> Array:
@@ -112,27 +132,60 @@ class Problem:
 
     def service_cost(self, lessons: int | slice | IntArray) -> Array:
         """Expected cost of attempting every task with the skill of one lesson ([n]) or of several ([L, n])."""
-        return cast(Array, self.c_rob + (1.0 - self.transfer[lessons]) * self.c_fail)
+        return self.attempt_cost(self.transfer[lessons])
+
+    def attempt_cost(self, probability: Array, tasks: slice | Sequence[int] = slice(None)) -> Array:
+        """Expected cost c_rob + (1 - ρ) c_fail of attempts; a failure that cannot happen costs nothing.
+
+        Args:
+            probability: ρ, its last axis over the tasks.
+            tasks: which ones; all if none are given.
+        """
+        risk, c_fail = 1.0 - probability, self.c_fail[tasks]
+        if (never := np.isinf(c_fail)).any():
+            c_fail, risk = np.where(never, 1.0, c_fail), np.where(never & (risk > 0.0), np.inf, risk)
+        return cast(Array, self.c_rob[tasks] + risk * c_fail)
 
 
 @dataclass(frozen=True)
 class Certificate:
-    """Why a lower bound holds: multipliers v of the assignment constraints and the bound L(v) that follows from them.
+    """Why a lower bound holds: a tree of cases, each with multipliers v of the assignment constraints.
 
-    L(v) = Σ_i v_i + Σ_j min(0, f_j - Σ_i (v_i - c_ij)⁺) with v_i ≤ b_i (`p2l.team.certificate` recomputes it).
+    L(v) = Σ_i v_i + Σ_j min(0, f_j - Σ_i (v_i - c_ij)⁺) with v_i ≤ b_i bounds every solution from below. Where it
+    cannot say enough, two cases follow, one with a facility open and one with it closed, each with a v of its own;
+    nodes come after their parents, the root is node 0. A node with one child only tightens what is known before it.
+    `p2l.team.certificate` recomputes the bound that all this proves; nothing here has to be believed.
 
     Attributes:
-        multipliers: [D] v, one per task or demand.
-        bound: L(v).
-        cost: cost of the plan that travels with it.
+        multipliers: [R, D] v.
+        row: [T] which of them a node has.
+        parent: [T] of a node; -1 for the root.
+        facility: [T] facility that is decided between its parent and a node; -1 if none is.
+        is_open: [T] whether it is open there.
+        target: the bound that the tree is to prove; cases at or above it were left out.
     """
 
     multipliers: Array
-    bound: float
-    cost: float
+    row: IntArray
+    parent: IntArray
+    facility: IntArray
+    is_open: BoolArray
+    target: float
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "multipliers", freeze("multipliers", self.multipliers, ("D",), {}))
+        sizes: dict[str, int] = {}
+        put = object.__setattr__
+        put(self, "multipliers", freeze("multipliers", self.multipliers, ("R", "D"), sizes))
+        put(self, "row", freeze("row", self.row, ("T",), sizes, np.int64, low=0, high=len(self.multipliers) - 1))
+        for name in ("parent", "facility"):
+            put(self, name, freeze(name, getattr(self, name), ("T",), sizes, np.int64, low=-1))
+        put(self, "is_open", freeze("is_open", self.is_open, ("T",), sizes, np.bool_))
+
+    @classmethod
+    def of(cls, multipliers: Array) -> Certificate:
+        """The one of a single L(v), multipliers [D]."""
+        one = np.zeros(1, dtype=np.int64)
+        return cls(np.asarray(multipliers)[None], one, one - 1, one - 1, one > 0, -math.inf)
 
 
 @dataclass(frozen=True)
@@ -141,17 +194,18 @@ class Plan:
 
     Attributes:
         planner: name of the route that made it.
-        status: "optimal" (proven), "feasible" (stopped inside the requested gap), "time_limit" or "heuristic".
+        status: "optimal" (proven to 1e-9 by the certificate), "feasible" (complete, but with a gap left), "time_limit"
+            or "heuristic".
         sequence: [n] task indices in the order of work.
         decision: [n] a `Decision` per task.
         skill: [n] task whose lesson an attempt uses; the task itself when taught; -1 for pre-trained or none.
         p_success: [n] success probability (1 when delegated or taught).
         expected_cost: [n] expected cost of each task.
         objective: their sum.
-        lower_bound: proven: no plan of this problem costs less.
+        lower_bound: no plan of this problem costs less; what the certificate proves, rounding counted against it.
         gap: (objective - lower_bound) / objective, 0 when the objective is 0.
         seconds: wall time of the planner, without loading (and on a fresh installation compiling) its kernels.
-        certificate: multipliers that prove `certificate.bound`, where the route has them.
+        certificate: the proof of `lower_bound`, for `certificate.check_certificate`.
 
     Example:
         >>> import numpy as np
@@ -196,10 +250,10 @@ class FacilitySolution:
         open: [F] True where a facility is opened.
         assignment: [D] index of the open facility that serves each demand.
         cost: opening plus service cost, recomputed from the input.
-        lower_bound: proven.
+        lower_bound: as in `Plan`.
         status: as in `Plan`.
         seconds: wall time, without loading the kernels.
-        certificate: multipliers that prove `certificate.bound`.
+        certificate: the proof of `lower_bound`.
     """
 
     open: BoolArray
@@ -214,6 +268,18 @@ class FacilitySolution:
     def gap(self) -> float:
         """(cost - lower_bound) / cost."""
         return relative_gap(self.cost, self.lower_bound)
+
+
+def freeze_cost(name: str, value: npt.ArrayLike, shape: tuple[int | str, ...], sizes: dict[str, int]) -> Array:
+    """A read-only array of costs, at least 0; infinity stands for what is not possible.
+
+    Raises:
+        ShapeError: as `records.freeze`, NaN included.
+    """
+    array: Array = freeze(name, value, shape, sizes, low=0.0, finite=False)
+    if np.isnan(array).any():
+        raise ShapeError(f"{name}: holds NaN at {np.argwhere(np.isnan(array))[0].tolist()}")
+    return array
 
 
 def relative_gap(cost: float, lower_bound: float) -> float:

@@ -23,7 +23,8 @@ def without_losses(problem: Problem, is_taught: BoolArray) -> BoolArray:
     alive = np.ones(count, dtype=bool)
     while alive.any():
         best = table[tasks, first]
-        more = np.where(rest, 0.0, table[tasks, second] - best)
+        with np.errstate(invalid="ignore"):  # a task that only its own lesson does
+            more = np.where(rest, 0.0, table[tasks, second] - best)
         lost = np.bincount(first, more, minlength=count + 2)[:count]
         saving = np.where(alive, problem.c_demo[lessons] - best[lessons] - lost, -np.inf)
         worst = int(saving.argmax())

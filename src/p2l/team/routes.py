@@ -1,141 +1,106 @@
 """The planners themselves: functions from a problem and a stopping rule to a `PlannerResult`.
 
 A route imports its solver when it is called, so that the room stays cheap to import. To add a planner, write one
-function and one line in `PLANNERS`.
+function and one line in `PLANNERS`. Whatever a route says of bounds is checked (`p2l.team.certificate`), so it hands
+over a certificate, or none.
 """
 
 from __future__ import annotations
 
-import math
-import time
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from p2l.records import Array, BoolArray, IntArray
+from p2l.records import IntArray
 from p2l.registry import Registry
 from p2l.team import baselines, facility, oracle
+from p2l.team.contract import Planner, PlannerResult, StoppingRule
+from p2l.team.fallback import best_plan
 from p2l.team.outcome import decide, objective
-from p2l.team.problem import Problem, Status
-from p2l.team.pruning import without_losses
+from p2l.team.problem import Certificate, Problem
+from p2l.team.programs import PROGRAMS, pairs_in_time
 
-# Up to so many tasks "auto" asks HiGHS, which answers in milliseconds; the compiled kernels load in 0.45 s, once per
-# process. The size alone decides, so that a problem goes the same way in every process. Beyond, HiGHS would still save
-# most of that where transfer is smooth, but where it is random it takes 21 s at n = 80 and the kernels 0.06 s.
+# Up to so many tasks "auto" asks HiGHS for the relaxation, which takes milliseconds and is often integral; the compiled
+# kernels load in 0.45 s, once per process. The size alone decides, so that a problem always goes the same way.
 SMALL = 40
+_STOPGAP = 0.15  # share of the time that is kept for a plan and a bound where HiGHS has none by then
 
 
-@dataclass(frozen=True)
-class StoppingRule:
-    """When a planner may stop: the wall-clock `deadline` (of `time.perf_counter`) or a relative `gap`."""
+def _in_time(problem: Problem, stop: StoppingRule, planner: str, largest: int) -> PlannerResult:
+    """A planner by HiGHS; in a process of its own where HiGHS is seen to overrun its time limit, which is then kept."""
+    if problem.n <= largest:
+        return PROGRAMS[planner](problem, stop)
+    from p2l.team.worker import plan_apart
 
-    deadline: float
-    gap: float
-
-    @property
-    def seconds_left(self) -> float:
-        """Seconds until the deadline, never quite zero."""
-        return max(1e-3, self.deadline - time.perf_counter())
-
-
-@dataclass(frozen=True)
-class PlannerResult:
-    """What a planner comes back with.
-
-    Attributes:
-        decision: [n].
-        status: how it ended; a proven bound turns "heuristic" into "optimal".
-        lower_bound: proven, or -infinity when the planner has none.
-        multipliers: [n] v of a Lagrangian bound, if there is one.
-        sequence: [n] order of work; None for the natural one.
-    """
-
-    decision: IntArray
-    status: Status
-    lower_bound: float = -math.inf
-    multipliers: Array | None = None
-    sequence: IntArray | None = None
+    result = plan_apart(problem, planner, stop.deadline - _STOPGAP * stop.seconds_left, stop.gap)
+    if result is not None and result.complete:
+        return result
+    instead = _approximation(problem, stop, facility.dual_ascent_lessons)
+    better = result is None or _cost(problem, instead) < _cost(problem, result)
+    return PlannerResult(instead.decision if better or result is None else result.decision, False, instead.certificate)
 
 
-Planner = Callable[..., PlannerResult]  # of a Problem and a StoppingRule, and options of its own
-
-
-def prepare(planner: str, problem: Problem) -> None:
-    """Load the compiled kernels if the planner uses them, so that its time limit and its seconds are for planning."""
-    if planner in ("facility", "greedy", "dual_ascent") or (planner == "auto" and problem.n > SMALL):
-        facility.load_kernels()
-
-
-def _best_plan(problem: Problem, lessons: BoolArray | None, *, proven: bool = False) -> IntArray:
-    """The plan of these lessons, or the plan without lessons where that one is cheaper or there are none.
-
-    Lessons that do not pay are dropped first, unless the lessons are proven best.
-    """
-    without = decide(problem, np.zeros(problem.n, dtype=bool))
-    if lessons is None:
-        return without
-    decision = decide(problem, lessons if proven else without_losses(problem, lessons))
-    return decision if objective(problem, decision).total <= objective(problem, without).total else without
-
-
-def _pyomo(problem: Problem, program: Any, stop: StoppingRule) -> PlannerResult:
-    from p2l.team.mip import model, solve
-
-    ending = solve.solve_model(program, time_limit_s=stop.seconds_left, gap=stop.gap)
-    lessons = model.lessons_of(program) if ending.has_solution else None
-    decision = _best_plan(problem, lessons, proven=ending.complete and stop.gap == 0.0)
-    return PlannerResult(decision, "optimal" if ending.complete else "time_limit", ending.lower_bound)
+def _cost(problem: Problem, result: PlannerResult) -> float:
+    return objective(problem, result.decision).total
 
 
 def _max_form(problem: Problem, stop: StoppingRule) -> PlannerResult:
-    from p2l.team.mip.model import max_form
-
-    return _pyomo(problem, max_form(problem), stop)
+    return _in_time(problem, stop, "max_form", largest=40)
 
 
 def _strong(problem: Problem, stop: StoppingRule) -> PlannerResult:
-    from p2l.team.mip.model import strong_form
-
-    return _pyomo(problem, strong_form(problem), stop)
+    return _in_time(problem, stop, "strong", largest=60)
 
 
-def _highs(problem: Problem, stop: StoppingRule) -> PlannerResult:
-    pairs = facility.of_problem(problem)
-    solution = facility.solve_program(pairs, time_limit_s=stop.seconds_left, gap=stop.gap)
-    decision = _best_plan(problem, solution.open, proven=solution.complete and stop.gap == 0.0)
-    status: Status = "optimal" if solution.complete else "time_limit"
-    return PlannerResult(decision, status, solution.lower_bound, solution.multipliers)
+def _by_facilities(problem: Problem, stop: StoppingRule, few: int) -> PlannerResult:
+    try:
+        pairs, deadline = pairs_in_time(problem, stop)
+    except TimeoutError:
+        return PlannerResult(best_plan(problem), complete=False)
+    solution = facility.solve_small_or_large(pairs, deadline, stop.gap, few=few)
+    return PlannerResult(best_plan(problem, solution.open), solution.complete, solution.certificate)
 
 
 def _facility(problem: Problem, stop: StoppingRule) -> PlannerResult:
-    solution = facility.solve_pairs(facility.of_problem(problem), deadline=stop.deadline, gap=stop.gap)
-    decision = _best_plan(problem, solution.open, proven=solution.status == "optimal")
-    return PlannerResult(decision, solution.status, solution.lower_bound, solution.multipliers)
-
-
-def _greedy(problem: Problem, stop: StoppingRule) -> PlannerResult:  # noqa: ARG001
-    lessons, multipliers = facility.greedy_solution(facility.of_problem(problem))
-    return PlannerResult(_best_plan(problem, lessons), "heuristic", multipliers=multipliers)
-
-
-def _dual_ascent(problem: Problem, stop: StoppingRule) -> PlannerResult:  # noqa: ARG001
-    lessons, multipliers = facility.dual_ascent_solution(facility.of_problem(problem))
-    return PlannerResult(_best_plan(problem, lessons), "heuristic", multipliers=multipliers)
+    return _by_facilities(problem, stop, few=-1)
 
 
 def _auto(problem: Problem, stop: StoppingRule) -> PlannerResult:
-    return _highs(problem, stop) if problem.n <= SMALL else _facility(problem, stop)
+    return _by_facilities(problem, stop, few=problem.n**2 if problem.n <= SMALL else -1)
 
 
-def _exhaustive(problem: Problem, stop: StoppingRule) -> PlannerResult:  # noqa: ARG001
-    decision = decide(problem, oracle.exhaustive(problem))
-    return PlannerResult(decision, "optimal", objective(problem, decision).total)
+def _highs(problem: Problem, stop: StoppingRule) -> PlannerResult:
+    return _in_time(problem, stop, "highs", largest=100)
+
+
+def _approximation(problem: Problem, stop: StoppingRule, solve: Callable[..., Any]) -> PlannerResult:
+    try:
+        pairs, deadline = pairs_in_time(problem, stop)
+    except TimeoutError:
+        return PlannerResult(best_plan(problem))
+    lessons, multipliers = solve(pairs, deadline)
+    certificate = Certificate.of(np.minimum(multipliers, problem.outside))
+    return PlannerResult(best_plan(problem, lessons, prune=True), certificate=certificate)
+
+
+def _greedy(problem: Problem, stop: StoppingRule) -> PlannerResult:
+    return _approximation(problem, stop, facility.greedy_lessons)
+
+
+def _dual_ascent(problem: Problem, stop: StoppingRule) -> PlannerResult:
+    return _approximation(problem, stop, facility.dual_ascent_lessons)
+
+
+def _exhaustive(problem: Problem, stop: StoppingRule) -> PlannerResult:
+    try:
+        return PlannerResult(decide(problem, oracle.exhaustive(problem, stop.deadline)), complete=True)
+    except TimeoutError:
+        return PlannerResult(best_plan(problem), complete=False)
 
 
 def _baseline(problem: Problem, decision: IntArray) -> PlannerResult:
-    return PlannerResult(decision, "heuristic", sequence=np.arange(problem.n))
+    return PlannerResult(decision, sequence=np.arange(problem.n))
 
 
 def _ad(problem: Problem, stop: StoppingRule) -> PlannerResult:  # noqa: ARG001

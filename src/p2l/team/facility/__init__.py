@@ -8,22 +8,22 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from p2l.team.facility.location import solve_facility_location
+from p2l.team.facility.location import solve_facility_location, solve_small_or_large
 from p2l.team.facility.orlib import read_instance
 from p2l.team.facility.pairs import Pairs, PairsSolution, of_table
 from p2l.team.facility.reduction import lesson_costs, of_problem
 
 if TYPE_CHECKING:
-    from p2l.team.facility.greedy import greedy_solution, guarantee
+    from p2l.team.facility.greedy import guarantee
     from p2l.team.facility.program import ProgramSolution, relaxation, solve_program
-    from p2l.team.facility.solve import dual_ascent_solution, load_kernels, solve_pairs
+    from p2l.team.facility.solve import dual_ascent_lessons, greedy_lessons, load_kernels, solve_pairs
 
 __all__ = [
     "Pairs",
     "PairsSolution",
     "ProgramSolution",
-    "dual_ascent_solution",
-    "greedy_solution",
+    "dual_ascent_lessons",
+    "greedy_lessons",
     "guarantee",
     "lesson_costs",
     "load_kernels",
@@ -34,6 +34,7 @@ __all__ = [
     "solve_facility_location",
     "solve_pairs",
     "solve_program",
+    "solve_small_or_large",
 ]
 
 
@@ -43,11 +44,11 @@ def __getattr__(name: str) -> Any:
         from p2l.team.facility import program
 
         return getattr(program, name)
-    if name in ("greedy_solution", "guarantee"):
+    if name == "guarantee":
         from p2l.team.facility import greedy
 
         return getattr(greedy, name)
-    if name in ("dual_ascent_solution", "load_kernels", "solve_pairs"):
+    if name in ("dual_ascent_lessons", "greedy_lessons", "load_kernels", "solve_pairs"):
         from p2l.team.facility import solve
 
         return getattr(solve, name)

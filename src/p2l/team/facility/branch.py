@@ -3,27 +3,30 @@
 A node is a partial choice of facilities and the multipliers of its parent. A few volume iterations raise its bound,
 reduced costs fix facilities and pairs (a node's bound is tighter than the root's, so its instance soon shrinks), and
 the facility whose estimated opening is nearest to one half is branched on. The node with the lowest bound comes first,
-so the bound of an interrupted search is the best that its tree can prove.
+so the bound of an interrupted search is the best that its tree can prove. Every node leaves its multipliers in the
+tree that is the proof.
 """
 
 from __future__ import annotations
 
 import heapq
-import time
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 
 from p2l.records import Array, BoolArray, IntArray
+from p2l.team.facility.alarm import Alarm
 from p2l.team.facility.fixing import Core, fix, shrink
 from p2l.team.facility.local_search import columns_of, descend, open_cost
+from p2l.team.facility.tree import Tree
 from p2l.team.facility.volume import CLOSED, FREE, OPEN, Bound, raise_bound
 
 _ITERATIONS = 60  # of the volume algorithm per node
 _ROUNDED_NODES = 20  # these try to improve the plan, afterwards every tenth does
 _WORTH_SHRINKING = 500  # pairs; a smaller instance costs nothing to evaluate
 _MEMORY = 1_000_000_000  # bytes of open nodes; beyond, the search goes depth first
+_MARGIN = 5e-10  # relative: half of what the certificate grants, the rest is for rounding
 
 
 @dataclass(frozen=True)
@@ -40,15 +43,11 @@ class Target:
 
     def cutoff(self, upper: float) -> float:
         """The bound from which on no plan is better than `upper` by more than the margin."""
-        return upper - max(max(self.gap, 1e-9) * upper, self.unit * (1.0 - 1e-6))
-
-    def proven(self, upper: float) -> float:
-        """What discarding everything above the cutoff proves: an accepted gap may hide a plan inside it."""
-        return self.cutoff(upper) if self.gap else upper
+        return upper - max(max(self.gap, _MARGIN) * upper, self.unit * (1.0 - 1e-3))
 
 
 class Search(NamedTuple):
-    """Result of a search: best open set [F] and cost, a lower bound, and whether the tree was exhausted."""
+    """Result of a search: best open set [F] and cost, what its tree proves, and whether that was exhausted."""
 
     open: BoolArray
     upper: float
@@ -57,7 +56,7 @@ class Search(NamedTuple):
 
 
 class Node(NamedTuple):
-    """An open node; `serial` breaks ties before anything else is compared. Siblings share multipliers and pairs."""
+    """An open node; `serial`, its number in the tree, breaks ties. Siblings share multipliers and pairs."""
 
     bound: float
     serial: int
@@ -72,13 +71,11 @@ class Frontier:
 
     heap: list[Node] = field(default_factory=list)
     stack: list[Node] = field(default_factory=list)
-    serial: int = 0
     memory: int = 0
 
-    def push(self, bound: float, multipliers: Array, core: Core, shared_bytes: int) -> None:
+    def push(self, bound: float, serial: int, multipliers: Array, core: Core, shared_bytes: int) -> None:
         """Add a node; `shared_bytes` are what it and its sibling hold together."""
-        node = Node(bound, self.serial, multipliers, core, core.state.nbytes + shared_bytes // 2)
-        self.serial += 1
+        node = Node(bound, serial, multipliers, core, core.state.nbytes + shared_bytes // 2)
         self.memory += node.size
         if self.memory > _MEMORY:
             self.stack.append(node)
@@ -114,9 +111,9 @@ class Incumbent(NamedTuple):
 
 
 def branch_and_bound(
-    root: Core, bound: Bound, open_set: BoolArray, upper: float, target: Target, deadline: float
+    root: Core, bound: Bound, open_set: BoolArray, upper: float, target: Target, tree: Tree, node: int, alarm: Alarm
 ) -> Search:
-    """Search a core for a plan better than `upper`, until proven or until the deadline.
+    """Search a core for a plan better than `upper`, until proven or until the alarm.
 
     Args:
         root: what is left to decide.
@@ -124,29 +121,31 @@ def branch_and_bound(
         open_set: [F] the best plan so far, in the core's indices.
         upper: its cost.
         target: when a bound is good enough.
-        deadline: of `time.perf_counter`.
+        tree: the proof so far.
+        node: of the tree, where the search begins.
+        alarm: ends it.
     """
     best = Incumbent(open_set, upper)
     frontier = Frontier()
-    frontier.push(bound.value, bound.multipliers, root, 0)
+    frontier.push(bound.value, node, bound.multipliers, root, 0)
     nodes = 0
     while frontier:
-        if time.perf_counter() > deadline:
-            return Search(best.open, best.upper, frontier.lowest(target.proven(best.upper)), False)
-        node = frontier.pop()
+        if alarm.rang:
+            return Search(best.open, best.upper, frontier.lowest(target.cutoff(best.upper)), False)
+        case = frontier.pop()
         cutoff = target.cutoff(best.upper)
-        if node.bound >= cutoff:
+        if case.bound >= cutoff:
             continue
-        node_bound = raise_bound(node.core.pairs, node.core.state, node.multipliers, cutoff, _ITERATIONS)
+        core = case.core
+        case_bound = raise_bound(core.pairs, core.state, case.multipliers, cutoff, _ITERATIONS, flag=alarm.flag)
+        tree.price(case.serial, case_bound.multipliers)
         if nodes < _ROUNDED_NODES or nodes % 10 == 0:
-            best = best.or_better(root, node.core, _rounding(node.core, node_bound))
+            best = best.or_better(root, core, _rounding(core, case_bound))
         nodes += 1
         cutoff = target.cutoff(best.upper)
-        if max(node.bound, node_bound.value) < cutoff:
-            best = _split(root, node, node_bound, cutoff, frontier, best)
-    return Search(
-        best.open, best.upper, max(bound.value, target.cutoff(best.upper)) if target.gap else best.upper, True
-    )
+        if max(case.bound, case_bound.value) < cutoff:
+            best = _split(root, case, case_bound, cutoff, frontier, best, tree)
+    return Search(best.open, best.upper, target.cutoff(best.upper), True)
 
 
 def _rounding(core: Core, bound: Bound) -> BoolArray:
@@ -154,7 +153,9 @@ def _rounding(core: Core, bound: Bound) -> BoolArray:
     return descend(core.pairs, columns_of(core.pairs), trial, bound.share > 0.005)
 
 
-def _split(root: Core, node: Node, bound: Bound, cutoff: float, frontier: Frontier, best: Incumbent) -> Incumbent:
+def _split(
+    root: Core, node: Node, bound: Bound, cutoff: float, frontier: Frontier, best: Incumbent, tree: Tree
+) -> Incumbent:
     """Push the children of a node; a node without free facilities is a plan."""
     gap = cutoff - bound.value
     core = node.core._replace(state=fix(node.core.state, bound, gap))
@@ -170,9 +171,10 @@ def _split(root: Core, node: Node, bound: Bound, cutoff: float, frontier: Fronti
     for side in (OPEN, CLOSED):
         state = core.state.copy()
         state[facility] = side
+        child = tree.child(node.serial, int(core.origin[facility]), is_open=side == OPEN)
         child_bound = max(node.bound, bound.value + max(0.0, float(bound.reduced_cost[facility]) * side))
         if child_bound < cutoff:
-            frontier.push(child_bound, bound.multipliers, core._replace(state=state), shared_bytes)
+            frontier.push(child_bound, child, bound.multipliers, core._replace(state=state), shared_bytes)
     return best
 
 

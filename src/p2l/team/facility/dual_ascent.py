@@ -14,15 +14,17 @@ import numba as nb
 import numpy as np
 
 from p2l.records import Array, BoolArray
+from p2l.team.facility.alarm import Flag, silent
 from p2l.team.facility.pairs import Pairs
 
 
-def dual_ascent(pairs: Pairs, multipliers: Array | None = None) -> tuple[Array, BoolArray]:
+def dual_ascent(pairs: Pairs, multipliers: Array | None = None, flag: Flag | None = None) -> tuple[Array, BoolArray]:
     """Feasible multipliers [D], whose sum is a lower bound, and the open set [F] they suggest.
 
     Args:
         pairs: the instance.
         multipliers: [D] a feasible dual to raise; each demand's cheapest cost if none.
+        flag: stops the ascent when it is raised.
     """
     if multipliers is None:
         v = pairs.outside.copy()
@@ -30,11 +32,11 @@ def dual_ascent(pairs: Pairs, multipliers: Array | None = None) -> tuple[Array, 
         v[some] = pairs.cost[pairs.start[:-1][some]]
     else:
         v = np.minimum(multipliers, pairs.outside)
-    slack = _raise(pairs, v)
+    slack = _raise(pairs, v, silent() if flag is None else flag)
     return v, _suggest(pairs, v, slack)
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, nogil=True)
 def _slacks(pairs, v, front):
     """The slack of every facility [F]; `front` [D] becomes the first pair of each row whose cost is above v_i."""
     slack = pairs.opening.copy()
@@ -47,7 +49,7 @@ def _slacks(pairs, v, front):
     return np.maximum(slack, 0.0)  # rounding only: v is feasible
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, nogil=True)
 def _lift(pairs, i, v, slack, front):
     """Raise v_i to its next cost level or until a slack is used up; True when it may rise again."""
     row_end = pairs.start[i + 1]
@@ -67,15 +69,17 @@ def _lift(pairs, i, v, slack, front):
     return target < pairs.outside[i]
 
 
-@nb.njit(cache=True)
-def _raise(pairs, v):
+@nb.njit(cache=True, nogil=True)
+def _raise(pairs, v, flag):
     front = np.empty(v.size, dtype=np.int64)
     slack = _slacks(pairs, v, front)
     active = np.arange(v.size)
     count = active.size
-    while count > 0:
+    while count > 0 and flag[0] == 0:
         rest = 0
         for k in range(count):
+            if flag[0] != 0:
+                break
             i = active[k]
             if _lift(pairs, i, v, slack, front):
                 active[rest] = i
@@ -84,7 +88,7 @@ def _raise(pairs, v):
     return slack
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, nogil=True)
 def _suggest(pairs, v, slack):
     """Tight facilities that some demand needs: first those it has no other choice than, then its cheapest."""
     is_open = np.zeros(slack.size, dtype=np.bool_)

@@ -16,6 +16,7 @@ import numba as nb
 import numpy as np
 
 from p2l.records import Array, BoolArray
+from p2l.team.facility.alarm import Flag, silent
 from p2l.team.facility.dual_ascent import dual_ascent
 from p2l.team.facility.local_search import Columns, columns_of
 from p2l.team.facility.pairs import Pairs
@@ -26,20 +27,31 @@ def guarantee(demands: int) -> float:
     return float((1.0 / np.arange(1, demands + 1)).sum())
 
 
-def greedy_solution(pairs: Pairs) -> tuple[BoolArray, Array]:
-    """The open set [F] of the greedy algorithm and multipliers [D] whose sum is a lower bound."""
+def greedy_solution(pairs: Pairs, flag: Flag | None = None) -> tuple[BoolArray, Array]:
+    """The open set [F] of the greedy algorithm and multipliers [D] whose sum is a lower bound.
+
+    Where the `flag` is raised, demands that are not served yet stay outside, at prices that prove nothing: each
+    demand's cheapest cost is the dual instead.
+    """
+    flag = silent() if flag is None else flag
     columns = _by_cost(columns_of(pairs))
     opening = pairs.opening.copy()
     is_unserved = np.ones(pairs.demands, dtype=np.bool_)
     price = pairs.outside.copy()
     outside_first = np.argsort(pairs.outside, kind="stable")
-    heap = [(_star(columns, opening[j], is_unserved, j)[0], j) for j in range(pairs.facilities)]
+    heap = []
+    for j in range(pairs.facilities):
+        if flag[0]:
+            return opening < 0.0, dual_ascent(pairs, None, flag)[0]
+        heap.append((_star(columns, opening[j], is_unserved, j)[0], j))
     heapq.heapify(heap)
     for i in outside_first:
+        if flag[0]:
+            return opening < 0.0, dual_ascent(pairs, None, flag)[0]
         _serve_cheaper_stars(heap, columns, opening, is_unserved, price, float(pairs.outside[i]))
         is_unserved[i] = False  # served by a star just now, or cheapest outside: its price is b_i already
     open_set = opening < 0.0
-    multipliers, _ = dual_ascent(pairs, price / guarantee(pairs.demands))
+    multipliers, _ = dual_ascent(pairs, price / guarantee(pairs.demands), flag)
     return open_set, multipliers
 
 
@@ -60,7 +72,7 @@ def _serve_cheaper_stars(
             heapq.heappush(heap, (cost, j))
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, nogil=True)
 def _star(columns, opening, is_unserved, j):
     """Price and size of facility j's cheapest star among the unserved demands; its column is sorted by cost."""
     total, size, best, best_size = opening, 0, np.inf, 0
@@ -76,7 +88,7 @@ def _star(columns, opening, is_unserved, j):
     return best, best_size
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, nogil=True)
 def _serve(columns, is_unserved, price, j, size, cost):
     for p in range(columns.start[j], columns.start[j + 1]):
         i = columns.demand[p]

@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from p2l.records import Array, BoolArray, IntArray
+from p2l.team.facility.alarm import Flag, silent
 from p2l.team.facility.pairs import Pairs
 
 
@@ -46,22 +47,25 @@ def columns_of(pairs: Pairs) -> Columns:
     return Columns(*_transpose(pairs))
 
 
-def descend(pairs: Pairs, columns: Columns, open_set: BoolArray, usable: BoolArray, moves: int = 1 << 30) -> BoolArray:
-    """[F] the open set after improving moves, until none is left or `moves` were made.
+def descend(
+    pairs: Pairs, columns: Columns, open_set: BoolArray, usable: BoolArray, flag: Flag | None = None
+) -> BoolArray:
+    """[F] the open set after improving moves, until none is left.
 
     Args:
         pairs: the instance.
         columns: `columns_of(pairs)`.
         open_set: [F] where to begin.
         usable: [F] facilities that may be inserted.
-        moves: at most this many.
+        flag: no further move when it is raised.
     """
     result = open_set.copy()
-    _descend(pairs, columns, result, usable, moves, 1e-12 * float(pairs.outside.sum()))
+    threshold = 1e-12 * float(open_cost(pairs, result))
+    _descend(pairs, columns, result, usable, silent() if flag is None else flag, threshold)
     return result
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, nogil=True)
 def open_cost(pairs, is_open):
     """Cost of an open set [F], from scratch: opening, plus each demand at its cheapest open or outside service."""
     total = 0.0
@@ -78,7 +82,7 @@ def open_cost(pairs, is_open):
     return total
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, nogil=True)
 def _transpose(pairs):
     facility = pairs.facility
     start = np.zeros(pairs.opening.size + 1, dtype=np.int64)
@@ -95,7 +99,7 @@ def _transpose(pairs):
     return start, demand, cost
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, nogil=True)
 def _serve(pairs, is_open, service, i):
     """Find demand i's cheapest and second cheapest open service and book its share of the loss."""
     service.first[i], service.near[i], service.far[i] = -1, pairs.outside[i], np.inf
@@ -109,7 +113,7 @@ def _serve(pairs, is_open, service, i):
         service.loss[service.first[i]] += service.far[i] - service.near[i]
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, nogil=True)
 def _reassign(pairs, columns, is_open, service, j):
     """Serve again every demand that a change of facility j can concern."""
     for p in range(columns.start[j], columns.start[j + 1]):
@@ -120,7 +124,7 @@ def _reassign(pairs, columns, is_open, service, j):
             _serve(pairs, is_open, service, i)
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, nogil=True)
 def _judge(pairs, columns, service, j, relief, rivals):
     """Saving of inserting closed facility j, and the partner (-1: none) whose drop goes best with it.
 
@@ -148,15 +152,15 @@ def _judge(pairs, columns, service, j, relief, rivals):
     return saving, partner
 
 
-@nb.njit(cache=True)
-def _descend(pairs, columns, is_open, usable, moves, threshold):
+@nb.njit(cache=True, nogil=True)
+def _descend(pairs, columns, is_open, usable, flag, threshold):
     demands, facilities = pairs.outside.size, is_open.size
     service = Service(np.empty(demands, np.int64), np.empty(demands), np.empty(demands), np.zeros(facilities))
     for i in range(demands):
         _serve(pairs, is_open, service, i)
     relief, rivals = np.zeros(facilities), np.empty(demands, dtype=np.int64)
     count, since, j = 0, 0, 0
-    while since < facilities and count < moves:
+    while since < facilities and flag[0] == 0:
         saving, partner = 0.0, -1
         if is_open[j]:
             saving = pairs.opening[j] - service.loss[j]

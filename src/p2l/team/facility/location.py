@@ -1,23 +1,29 @@
 """Facility location for its own sake: the public `solve_facility_location` (thesis, equation 3.3).
 
 The number of useful pairs alone decides who solves an instance, so that it goes the same way in every process: HiGHS
-takes the small ones, which it solves sooner than the compiled kernels load, the large-scale route all others.
+takes the linear relaxation of the small ones, which is often integral and is there sooner than the compiled kernels are
+loaded; the large-scale route takes all others. What the solution costs and what is proven is recomputed by
+`p2l.team.certificate`, and nothing else is reported.
 """
 
 from __future__ import annotations
 
+import math
 import time
 
 import numpy as np
 
-from p2l.errors import ConfigError, ShapeError
-from p2l.records import Array, BoolArray, freeze
+from p2l.errors import ShapeError
+from p2l.records import Array, BoolArray
+from p2l.team.certificate import EXACT, PROVEN, proven_location_bound
+from p2l.team.contract import check_stopping
 from p2l.team.facility.pairs import Pairs, PairsSolution, of_table, open_for_outside
-from p2l.team.problem import Certificate, FacilitySolution, Status
+from p2l.team.facility.presolve import lagrangian, solution_cost
+from p2l.team.problem import Certificate, FacilitySolution, freeze_cost, relative_gap
 
 FEW_PAIRS = 1_000  # up to so many HiGHS takes at most 0.35 s; the kernels load in 0.45 s, once per process
 _LARGEST = 1e100  # sums of larger costs overflow
-_TOLERANCE = 1e-6  # relative gap up to which HiGHS is believed: its feasibility tolerance
+_FINISH = 0.1  # share of the time limit, at most, that is left for the check of what was found
 
 
 def solve_facility_location(
@@ -26,15 +32,15 @@ def solve_facility_location(
     """Open facilities and assign demands at least total cost (thesis, equation 3.3).
 
     Args:
-        opening_cost: [F] at least 0 and at most 1e100.
-        service_cost: [D, F] at least 0 and at most 1e100, cost of serving a demand (row) from a facility (column).
+        opening_cost: [F] at least 0 and at most 1e100; infinite where a facility cannot be opened.
+        service_cost: [D, F] at least 0 and at most 1e100, cost of serving a demand (row) from a facility (column);
+            infinite where it cannot be served from there.
         time_limit_s: wall seconds; at the limit the best solution so far is returned with its true bound.
-        gap: relative gap at which the search may stop; 0 proves optimality, to 1e-9 relative, or to 1e-6 relative
-            where the instance has at most 1,000 useful pairs.
+        gap: relative gap at which the search may stop; 0 proves optimality, to 1e-9 relative.
 
     Raises:
-        ShapeError: no facility or no demand, a wrong shape, a cost that is complex, NaN, infinite, negative or
-            above 1e100.
+        ShapeError: no facility or no demand, a wrong shape, a cost that is complex, NaN, negative or above 1e100, a
+            demand that no facility can serve.
         ConfigError: a time limit of zero or less, or a gap outside [0, 1).
 
     Example:
@@ -45,63 +51,78 @@ def solve_facility_location(
         >>> solution.open.tolist(), solution.assignment.tolist(), solution.cost, solution.status
         ([True, True], [0, 0, 1], 11.0, 'optimal')
     """
-    if not time_limit_s > 0.0:
-        raise ConfigError(f"time_limit_s: {time_limit_s} given; it must be above 0")
-    if not 0.0 <= gap < 1.0:
-        raise ConfigError(f"gap: {gap} given; it is relative and must lie in [0, 1)")
+    limit_s, gap = check_stopping(time_limit_s, gap)
     start = time.perf_counter()
-    sizes: dict[str, int] = {}
-    opening = np.array(freeze("opening_cost", opening_cost, ("F",), sizes, low=0.0, high=_LARGEST))
-    service = np.array(freeze("service_cost", service_cost, ("D", "F"), sizes, low=0.0, high=_LARGEST))
-    if not service.size:
-        raise ShapeError(f"service_cost: has shape {service.shape}; give at least one demand and one facility")
+    opening, service = _checked(opening_cost, service_cost)
+    deadline = start + limit_s * (1.0 - _FINISH)
     pairs = of_table(opening, service)
-    if len(pairs.cost) <= FEW_PAIRS:
-        solution = _by_highs(pairs, time_limit_s, gap)
-    else:
-        from p2l.team.facility.solve import load_kernels, solve_pairs
-
-        load_kernels()
-        start = time.perf_counter()
-        solution = solve_pairs(pairs, deadline=start + time_limit_s, gap=gap)
+    whole_numbers = float(pairs.outside.sum()) < EXACT and _whole_numbers(opening, service)
+    solution = solve_small_or_large(pairs, deadline, gap, whole_numbers=whole_numbers)
     open_set = open_for_outside(opening, service, solution.open)
     assignment = np.flatnonzero(open_set)[service[:, open_set].argmin(axis=1)]
-    cost = float(opening[open_set].sum() + service[np.arange(len(service)), assignment].sum())
-    bound = _bound(pairs, solution.multipliers)
+    cost = math.fsum([*opening[open_set].tolist(), *service[np.arange(len(service)), assignment].tolist()])
+    bound = min(cost, proven_location_bound(opening, service, solution.certificate, cost))
+    optimal = relative_gap(cost, bound) <= PROVEN
     return FacilitySolution(
         open=open_set,
         assignment=assignment,
         cost=cost,
-        lower_bound=min(cost, solution.lower_bound),
-        status=solution.status,
+        lower_bound=bound,
+        status="optimal" if optimal else "feasible" if solution.complete else "time_limit",
         seconds=time.perf_counter() - start,
-        certificate=Certificate(np.minimum(solution.multipliers, pairs.outside), min(bound, cost), cost),
+        certificate=solution.certificate,
     )
 
 
-def _by_highs(pairs: Pairs, time_limit_s: float, gap: float) -> PairsSolution:
-    """The solution of a small instance, with the multipliers of its linear relaxation."""
-    from p2l.team.facility.program import solve_program
-
-    program = solve_program(pairs, time_limit_s=time_limit_s, gap=gap)
-    open_set = np.zeros(pairs.facilities, dtype=bool) if program.open is None else program.open
-    multipliers = pairs.outside if program.multipliers is None else np.minimum(program.multipliers, pairs.outside)
-    cost = _cost(pairs, open_set)
-    lower = min(cost, max(program.lower_bound, _bound(pairs, multipliers)))
-    status: Status = "optimal" if lower >= cost * (1.0 - _TOLERANCE) else "feasible"
-    return PairsSolution(open_set, cost, lower, status if program.complete else "time_limit", multipliers)
-
-
-def _cost(pairs: Pairs, open_set: BoolArray) -> float:
-    """Opening plus cheapest open or outside service."""
-    best = np.full(pairs.demands, np.inf)
-    service = np.flatnonzero(open_set[pairs.facility])
-    np.minimum.at(best, pairs.rows()[service], pairs.cost[service])
-    return float(pairs.opening[open_set].sum() + np.minimum(best, pairs.outside).sum())
+def _checked(opening_cost: Array, service_cost: Array) -> tuple[Array, Array]:
+    """Costs as arrays that may be written to."""
+    sizes: dict[str, int] = {}
+    opening = np.array(freeze_cost("opening_cost", opening_cost, ("F",), sizes))
+    service = np.array(freeze_cost("service_cost", service_cost, ("D", "F"), sizes))
+    for name, costs in (("opening_cost", opening), ("service_cost", service)):
+        if (largest := costs.max(initial=0.0, where=np.isfinite(costs))) > _LARGEST:
+            raise ShapeError(
+                f"{name}: holds {largest}; expected values of at most 1e+100, or infinity for what is not possible"
+            )
+    if not service.size:
+        raise ShapeError(f"service_cost: has shape {service.shape}; give at least one demand and one facility")
+    if (nowhere := np.isinf(service + opening).all(axis=1)).any():
+        raise ShapeError(f"service_cost: no facility can serve demand {int(nowhere.argmax())}; give it a finite cost")
+    return opening, service
 
 
-def _bound(pairs: Pairs, multipliers: Array) -> float:
-    """L(v), from scratch."""
-    saving = np.zeros(pairs.facilities)
-    np.add.at(saving, pairs.facility, np.maximum(multipliers[pairs.rows()] - pairs.cost, 0.0))
-    return float(multipliers.sum() + np.minimum(0.0, pairs.opening - saving).sum())
+def solve_small_or_large(
+    pairs: Pairs, deadline: float, gap: float, *, whole_numbers: bool = False, few: int | None = None
+) -> PairsSolution:
+    """The relaxation by HiGHS where an instance is small; what it does not prove, the large-scale route does.
+
+    Args:
+        pairs: the instance.
+        deadline: of `time.perf_counter`.
+        gap: relative gap that is good enough.
+        whole_numbers: all costs are.
+        few: largest number of pairs for HiGHS; `FEW_PAIRS` if none.
+    """
+    multipliers: Array | None = None
+    open_set: BoolArray | None = None
+    if len(pairs.cost) <= (FEW_PAIRS if few is None else few):
+        from p2l.team.facility.program import solve_program
+
+        seconds_left = max(1e-3, deadline - time.perf_counter())
+        program = solve_program(pairs, time_limit_s=seconds_left, gap=gap, only_relaxation=True)
+        if program.open is not None and program.multipliers is not None:
+            multipliers, open_set = np.minimum(program.multipliers, pairs.outside), program.open
+            cost = solution_cost(pairs, open_set)
+            if lagrangian(pairs, multipliers) >= cost * (1.0 - max(gap, 0.5 * PROVEN)):
+                return PairsSolution(open_set, cost, True, Certificate.of(multipliers))
+    from p2l.team.facility.solve import load_kernels, solve_pairs
+
+    load_kernels()
+    return solve_pairs(
+        pairs, deadline=deadline, gap=gap, multipliers=multipliers, open_set=open_set, whole_numbers=whole_numbers
+    )
+
+
+def _whole_numbers(*costs: Array) -> bool:
+    """Whether all costs that mean something are whole numbers."""
+    return all(bool((finite == np.floor(finite)).all()) for finite in (part[np.isfinite(part)] for part in costs))

@@ -7,6 +7,8 @@ plain instance, `p2l.team.facility.reduction.of_problem` a team problem.
 
 from __future__ import annotations
 
+import math
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -15,7 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from p2l.records import Array, BoolArray, IntArray
-from p2l.team.problem import Status
+from p2l.team.problem import Certificate
 
 _BLOCK = 4_000_000  # entries of the dense table that are looked at together
 
@@ -54,16 +56,12 @@ class Pairs(NamedTuple):
 
 @dataclass(frozen=True)
 class PairsSolution:
-    """What a solver says of `Pairs`: best open set [F], its cost, a proven bound, how it ended, multipliers [D].
-
-    `lower_bound` may come from the branch and bound tree; `multipliers` prove the part of it that one L(v) can.
-    """
+    """What a solver says of `Pairs`: best open set [F], its cost, whether it ended inside the gap, and its proof."""
 
     open: BoolArray
     cost: float
-    lower_bound: float
-    status: Status
-    multipliers: Array
+    complete: bool
+    certificate: Certificate
 
 
 def of_table(opening_cost: Array, service_cost: Array) -> Pairs:
@@ -93,18 +91,29 @@ def open_for_outside(opening_cost: Array, service_cost: Array, open_set: BoolArr
     return complete
 
 
-def collect(opening: Array, outside: Array, block: Callable[[int, int], tuple[Array, BoolArray]]) -> Pairs:
+def collect(
+    opening: Array,
+    outside: Array,
+    block: Callable[[int, int], tuple[Array, BoolArray]],
+    deadline: float = math.inf,
+) -> Pairs:
     """Pairs from the dense table of service costs, block by block of its rows, so that it is never held whole.
 
     Args:
         opening: [F].
         outside: [D].
         block: service costs [high - low, F] of the demands from `low` to before `high`, and which of them are useful.
+        deadline: of `time.perf_counter`.
+
+    Raises:
+        TimeoutError: the deadline came first.
     """
     demands, width = len(outside), max(1, len(opening))
     step = max(1, _BLOCK // width)
     counts, facility, cost = [np.zeros(1, dtype=np.int64)], [], []
     for low in range(0, demands, step):
+        if time.perf_counter() > deadline:
+            raise TimeoutError
         column, value, count = _sorted_rows(*block(low, min(demands, low + step)))
         facility.append(column.astype(np.int32))
         cost.append(value)

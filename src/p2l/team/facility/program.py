@@ -17,83 +17,84 @@ import numpy as np
 from p2l.errors import SolverError
 from p2l.records import Array, BoolArray, IntArray
 from p2l.team.facility.pairs import Pairs
+from p2l.team.facility.presolve import presolve
 
-_TOLERANCE = 1e-7
+_INTEGRAL = 1e-7  # how far from a whole number a facility's opening may be
+_TOLERANCE = 1e-10  # HiGHS's smallest; costs are scaled to what the solution costs
+_TOLERANCES = ("primal_feasibility_tolerance", "dual_feasibility_tolerance", "mip_feasibility_tolerance")
 _COMPLETE = (highspy.HighsModelStatus.kOptimal, highspy.HighsModelStatus.kModelEmpty)
 _AT_LIMIT = (highspy.HighsModelStatus.kTimeLimit, highspy.HighsModelStatus.kIterationLimit)
 
 
 @dataclass(frozen=True)
 class ProgramSolution:
-    """What HiGHS found.
+    """What HiGHS says; nothing of it is believed before the certificate's check.
 
     Attributes:
         open: [F] best open set, None if there is none yet.
-        lower_bound: proven, -infinity if there is none yet.
         complete: whether the solve ended inside the gap.
         multipliers: [D] duals of the linear relaxation, None if the time did not suffice for it.
     """
 
     open: BoolArray | None
-    lower_bound: float
     complete: bool
     multipliers: Array | None
 
 
-def solve_program(pairs: Pairs, *, time_limit_s: float, gap: float = 0.0) -> ProgramSolution:
+def solve_program(
+    pairs: Pairs, *, time_limit_s: float, gap: float = 0.0, only_relaxation: bool = False
+) -> ProgramSolution:
     """Solve a `Pairs` instance with HiGHS.
 
     Args:
         pairs: the instance.
         time_limit_s: wall seconds.
         gap: relative gap at which HiGHS may stop.
+        only_relaxation: no branching; `complete` says whether the relaxation was integral.
 
     Raises:
-        SolverError: a cost that is NaN or infinite (HiGHS would silently call NaN optimal), a time limit of zero or
-            less, or an end that is neither a solution nor the time limit.
+        SolverError: a cost that is NaN (HiGHS would silently call it optimal), a time limit of zero or less, or an end
+            that is neither a solution nor the time limit.
     """
     deadline = time.perf_counter() + time_limit_s
     if not time_limit_s > 0.0:
         raise SolverError(f"time limit: {time_limit_s} s given; it must be above 0")
-    if not all(np.isfinite(part).all() for part in (pairs.opening, pairs.outside, pairs.cost)):
-        raise SolverError("facility location: a cost is NaN or infinite; check the costs before solving")
-    if not len(pairs.cost):
-        return ProgramSolution(np.zeros(pairs.facilities, dtype=bool), float(pairs.outside.sum()), True, pairs.outside)
-    lp, scale = relaxation(pairs)
+    if any(np.isnan(part).any() for part in (pairs.opening, pairs.outside, pairs.cost)):
+        raise SolverError("facility location: a cost is NaN; check the costs before solving")
+    small, scale, known = presolve(pairs)
+    if not len(small.cost):
+        return ProgramSolution(known, True, small.outside / scale)
+    lp, factor = relaxation(small)
+    highs = _solver(lp, time_limit_s, gap)
+    if not _run(highs):
+        return ProgramSolution(None, False, None)
+    multipliers = (small.outside + np.asarray(highs.getSolution().row_dual[: pairs.demands]) / factor) / scale
+    share = np.asarray(highs.getSolution().col_value[: pairs.facilities])
+    integral = bool((np.abs(share - np.round(share)) <= _INTEGRAL).all())
+    if integral or only_relaxation:
+        return ProgramSolution(share > 0.5, integral, multipliers)
+    return _integer(lp, pairs, multipliers, deadline, gap)
+
+
+def _integer(lp: highspy.HighsLp, pairs: Pairs, multipliers: Array, deadline: float, gap: float) -> ProgramSolution:
+    """Branch, in a new solver: one that has solved the relaxation already overruns its time limit by seconds."""
+    services, kinds = lp.num_col_ - pairs.facilities, highspy.HighsVarType
+    lp.integrality_ = [kinds.kInteger] * pairs.facilities + [kinds.kContinuous] * services
+    highs = _solver(lp, max(1e-3, deadline - time.perf_counter()), gap)
+    complete = _run(highs)
+    open_set = np.asarray(highs.getSolution().col_value[: pairs.facilities]) > 0.5
+    has_solution = highs.getInfo().primal_solution_status == 2
+    return ProgramSolution(open_set if has_solution else None, complete, multipliers)
+
+
+def _solver(lp: highspy.HighsLp, time_limit_s: float, gap: float) -> highspy.Highs:
     highs = highspy.Highs()
     options = {"output_flag": False, "threads": 1, "mip_rel_gap": gap, "mip_abs_gap": 0.0, "time_limit": time_limit_s}
-    for name, value in options.items():
+    for name, value in {**options, **dict.fromkeys(_TOLERANCES, _TOLERANCE)}.items():
         highs.setOptionValue(name, value)
     if highs.passModel(lp) == highspy.HighsStatus.kError:
         raise SolverError("facility location: HiGHS refused the program; its costs may be out of range")
-    if not _run(highs):
-        return ProgramSolution(None, -math.inf, False, None)
-    bound = highs.getInfo().objective_function_value / scale
-    multipliers = pairs.outside + np.asarray(highs.getSolution().row_dual[: pairs.demands]) / scale
-    share = np.asarray(highs.getSolution().col_value[: pairs.facilities])
-    if (np.abs(share - np.round(share)) <= _TOLERANCE).all():
-        return ProgramSolution(share > 0.5, bound, True, multipliers)
-    return _integer(highs, pairs, scale, bound, multipliers, deadline)
-
-
-def _integer(
-    highs: highspy.Highs, pairs: Pairs, scale: float, root_bound: float, multipliers: Array, deadline: float
-) -> ProgramSolution:
-    binary = np.full(pairs.facilities, highspy.HighsVarType.kInteger)
-    highs.changeColsIntegrality(pairs.facilities, np.arange(pairs.facilities, dtype=np.int32), binary)
-    # HiGHS counts its time limit over all runs of one model
-    highs.setOptionValue("time_limit", highs.getRunTime() + max(1e-3, deadline - time.perf_counter()))
-    complete = _run(highs)
-    info = highs.getInfo()
-    open_set = np.asarray(highs.getSolution().col_value[: pairs.facilities]) > 0.5
-    has_solution = info.primal_solution_status == 2
-    bound = info.mip_dual_bound / scale
-    return ProgramSolution(
-        open_set if has_solution else None,
-        max(root_bound, bound) if math.isfinite(bound) else root_bound,
-        complete,
-        multipliers,
-    )
+    return highs
 
 
 def _run(highs: highspy.Highs) -> bool:

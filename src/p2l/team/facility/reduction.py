@@ -17,6 +17,8 @@ The tests hold `of_problem` against the proof's instance, written out with all i
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from p2l.records import Array, BoolArray
@@ -24,15 +26,19 @@ from p2l.team.facility.pairs import Pairs, collect
 from p2l.team.problem import Problem
 
 
-def of_problem(problem: Problem) -> Pairs:
-    """The facility location instance of Theorem 3.4.1: demand i is task i, facility j is the lesson on task j."""
+def of_problem(problem: Problem, deadline: float = math.inf) -> Pairs:
+    """The facility location instance of Theorem 3.4.1: demand i is task i, facility j is the lesson on task j.
+
+    Raises:
+        TimeoutError: the `deadline` of `time.perf_counter` came first.
+    """
     outside = problem.outside
 
     def block(low: int, high: int) -> tuple[Array, BoolArray]:
         cost = lesson_costs(problem, low, high)
         return cost, cost < outside[low:high, None]
 
-    return collect(problem.c_demo.copy(), outside, block)
+    return collect(problem.c_demo.copy(), outside, block, deadline)
 
 
 def lesson_costs(problem: Problem, low: int = 0, high: int | None = None) -> Array:
@@ -47,7 +53,7 @@ def lesson_costs(problem: Problem, low: int = 0, high: int | None = None) -> Arr
         [high - low, n] 0 for a task's own lesson, infinite where the lesson comes too late for the task.
     """
     high = problem.n if high is None else high
-    cost = problem.c_rob[low:high, None] + (1.0 - problem.transfer[:, low:high].T) * problem.c_fail[low:high, None]
+    cost = problem.attempt_cost(problem.transfer[:, low:high], slice(low, high)).T
     if problem.order == "fixed":
         cost[:, low:high][np.triu_indices(high - low, 1)] = np.inf
         cost[:, high:] = np.inf

@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from p2l.records import Array
+from p2l.team.facility.alarm import Flag, silent
 from p2l.team.facility.pairs import Pairs
 
 State = npt.NDArray[np.int8]
@@ -42,7 +43,13 @@ class Bound(NamedTuple):
 
 
 def raise_bound(
-    pairs: Pairs, state: State, multipliers: Array, upper: float, iterations: int, progress: float = 1e-4
+    pairs: Pairs,
+    state: State,
+    multipliers: Array,
+    upper: float,
+    iterations: int,
+    progress: float = 1e-4,
+    flag: Flag | None = None,
 ) -> Bound:
     """Improve multipliers [D] by volume iterations.
 
@@ -53,8 +60,10 @@ def raise_bound(
         upper: cost of a known plan; a bound that reaches it ends the search.
         iterations: at most this many.
         progress: stop when 100 iterations close less than this share of the gap.
+        flag: stops them when it is raised.
     """
-    return Bound(*_ascend(pairs, state, multipliers, upper, _FIRST_STEP, iterations, progress))
+    flag = silent() if flag is None else flag
+    return Bound(*_ascend(pairs, state, multipliers, upper, _FIRST_STEP, iterations, progress, flag))
 
 
 def bound_of(pairs: Pairs, state: State, multipliers: Array) -> float:
@@ -63,12 +72,12 @@ def bound_of(pairs: Pairs, state: State, multipliers: Array) -> float:
     return float(_evaluate(pairs, state, np.minimum(multipliers, pairs.outside), *scratch))
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, nogil=True)
 def _is_open(state, reduced_cost, j):
     return state[j] == OPEN or (state[j] == FREE and reduced_cost[j] < 0.0)
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, nogil=True)
 def _evaluate(pairs, state, v, reduced_cost, residual):
     """L(v); fills the reduced costs [F] and the subgradient [D]: 1 - how often each demand is served."""
     start, facility, cost = pairs.start, pairs.facility, pairs.cost
@@ -93,7 +102,7 @@ def _evaluate(pairs, state, v, reduced_cost, residual):
     return total
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, nogil=True)
 def _move(outside, centre, mean, step, distance, trial):
     """Step from the centre along the averaged residual, cut at the outside costs; False when there is no direction."""
     norm = 0.0
@@ -108,7 +117,7 @@ def _move(outside, centre, mean, step, distance, trial):
     return True
 
 
-@nb.njit(cache=True)
+@nb.njit(cache=True, nogil=True)
 def _average(state, reduced_cost, residual, mean, share, weight):
     """Mix the newest subproblem solution into the averages; returns its alignment with the old direction."""
     along, cross, own = 0.0, 0.0, 0.0
@@ -125,8 +134,8 @@ def _average(state, reduced_cost, residual, mean, share, weight):
     return along
 
 
-@nb.njit(cache=True)
-def _ascend(pairs, state, v, upper, step, iterations, progress):
+@nb.njit(cache=True, nogil=True)
+def _ascend(pairs, state, v, upper, step, iterations, progress, flag):
     demands, facilities = v.size, pairs.opening.size
     centre, trial = v.copy(), np.empty(demands)
     best_reduced_cost, reduced_cost = np.empty(facilities), np.empty(facilities)
@@ -138,7 +147,7 @@ def _ascend(pairs, state, v, upper, step, iterations, progress):
     weight, idle, last_check = 0.1, 0, value
     aim = upper + max(0.05 * (upper - value), 1e-8 * abs(upper))  # steps that aim at a value never pass it
     for t in range(iterations):
-        if value >= upper or not _move(pairs.outside, centre, mean, step, aim - value, trial):
+        if flag[0] != 0 or value >= upper or not _move(pairs.outside, centre, mean, step, aim - value, trial):
             break
         trial_value = _evaluate(pairs, state, trial, reduced_cost, residual)
         along = _average(state, reduced_cost, residual, mean, share, weight)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import time
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,26 +27,28 @@ class Ending:
     lower_bound: float
 
 
-def solve_model(model: Any, *, time_limit_s: float, gap: float = 0.0, threads: int = 1) -> Ending:
+def solve_model(model: Any, *, deadline: float, gap: float = 0.0, threads: int = 1) -> Ending:
     """Minimise a Pyomo model with HiGHS and load the best solution found into it.
 
     Args:
         model: any linear `pyo.ConcreteModel` with one objective.
-        time_limit_s: wall seconds; at the limit the best solution so far is loaded.
+        deadline: of `time.perf_counter`; then the best solution so far is loaded.
         gap: relative gap at which HiGHS may stop.
         threads: HiGHS threads.
 
     Raises:
-        SolverError: a coefficient that is not finite (HiGHS would silently call NaN optimal), a time limit of zero or
-            less, or a model without any solution.
+        SolverError: a coefficient that is not finite (HiGHS would silently call NaN optimal), or a model without any
+            solution.
+        TimeoutError: the deadline came while the model was handed over.
     """
-    if not time_limit_s > 0.0:
-        raise SolverError(f"time limit: {time_limit_s} s given; it must be above 0")
     _refuse_nonfinite(model)
+    _in_time(deadline)
     solver = SolverFactory("highs")
+    solver.set_instance(model)
+    _in_time(deadline)
     results: Results = solver.solve(
         model,
-        time_limit=time_limit_s,
+        time_limit=deadline - time.perf_counter(),
         rel_gap=gap,
         abs_gap=0.0,
         threads=threads,
@@ -64,6 +67,11 @@ def solve_model(model: Any, *, time_limit_s: float, gap: float = 0.0, threads: i
         results.solution_loader.load_vars()
     bound = results.objective_bound
     return Ending(complete, has_solution, float(bound) if bound is not None and math.isfinite(bound) else -math.inf)
+
+
+def _in_time(deadline: float) -> None:
+    if time.perf_counter() >= deadline:
+        raise TimeoutError
 
 
 def _refuse_nonfinite(model: Any) -> None:

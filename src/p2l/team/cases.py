@@ -1,0 +1,191 @@
+"""The bound that a certificate proves: L(v) of a tree of cases, recomputed from the input with nothing believed.
+
+What no solution below the target can contain is left out of a case: a facility, or a pair, whose use alone would raise
+L(v) to the target, or that costs as much by itself. What rounding may have done is taken off every bound.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from p2l.errors import SolverError
+from p2l.records import Array, IntArray
+from p2l.team.problem import Certificate
+
+_BEYOND = 1e-9  # relative: by how much rounding may put a multiplier above its outside option
+_ROUNDING = 8.0 * float(np.finfo(np.float64).eps)  # of a cost computed from the input, relative
+_BLOCK = 4_000_000  # entries of the cost table that are looked at together
+_FREE, _OPEN, _CLOSED = 0, 1, -1
+
+
+class Instance(NamedTuple):
+    """What a certificate speaks of, read from the input block by block.
+
+    Attributes:
+        opening: [F] f_j, infinite where a facility cannot be opened.
+        outside: [D] b_i, infinite where there is none.
+        names: of the demands, for messages.
+        block: service costs [high - low, F] of demands `low` to before `high`, infinite where there is no service.
+    """
+
+    opening: Array
+    outside: Array
+    names: tuple[str, ...]
+    block: Callable[[int, int], Array]
+
+
+class _Case(NamedTuple):
+    """A node's part of the instance: what is decided, which pairs are left, and a bound that is known already."""
+
+    node: int
+    state: npt.NDArray[np.int8]
+    demand: IntArray
+    facility: IntArray
+    cost: Array
+    low: float
+
+
+def tree_bound(instance: Instance, certificate: Certificate) -> float:
+    """The lowest bound of a tree's leaves; its target where a case was left out that is no lower."""
+    children = _children(certificate, len(instance.opening))
+    multipliers = _cut(instance, certificate)[certificate.row]
+    target = certificate.target
+    low, gain = _first(instance, multipliers[0])
+    if low >= target:
+        return low
+    lowest, waiting = math.inf, [_start(instance, multipliers[0], gain, low, target)]
+    while waiting:
+        case = waiting.pop()
+        v = multipliers[case.node]
+        low, gain = _evaluate(instance, case, v)
+        case = case._replace(low=max(low, case.low))
+        if case.low < target:
+            case = _without(case, v, gain, target)
+            if children[case.node]:
+                waiting += _cases(certificate, children[case.node], case)
+                continue
+            if (case.state != _FREE).all():
+                case = case._replace(low=max(case.low, _cost(instance, case)))
+        lowest = min(lowest, case.low)
+    return min(lowest, target)
+
+
+def _children(certificate: Certificate, facilities: int) -> list[list[int]]:
+    """Children of every node.
+
+    Raises:
+        SolverError: a node before its parent, a facility that does not exist, or cases that leave something out.
+    """
+    nodes = len(certificate.parent)
+    children: list[list[int]] = [[] for _ in range(nodes)]
+    if not nodes or certificate.parent[0] != -1 or bool((certificate.facility >= facilities).any()):
+        raise SolverError("certificate: it has no root, or a case of a facility that does not exist")
+    for node, parent in enumerate(certificate.parent[1:].tolist(), start=1):
+        if not 0 <= parent < node:
+            raise SolverError(f"certificate: node {node} does not come after its parent")
+        children[parent].append(node)
+    for node, below in enumerate(children):
+        decided, sides = certificate.facility[below], certificate.is_open[below]
+        whole = len(below) == 0 or (len(below) == 1 and decided[0] == -1)
+        if not whole and not (len(below) == 2 and decided[0] == decided[1] != -1 and sides[0] != sides[1]):
+            raise SolverError(f"certificate: the cases below node {node} leave something out")
+    return children
+
+
+def _cut(instance: Instance, certificate: Certificate) -> Array:
+    """The multipliers, cut at the outside options that they exceed by rounding."""
+    above = certificate.multipliers - instance.outside
+    if bool((above > _BEYOND * np.where(np.isfinite(instance.outside), instance.outside, 0.0)).any()):
+        name = instance.names[int(above.max(axis=0).argmax())]
+        raise SolverError(f"certificate: multiplier of {name} is above its outside option")
+    cut: Array = np.minimum(certificate.multipliers, instance.outside)
+    return cut
+
+
+def _first(instance: Instance, v: Array) -> tuple[float, Array]:
+    """L(v) of the whole instance, and what deciding against it adds for each facility, block by block."""
+    saving = np.zeros(len(instance.opening))
+    step = max(1, _BLOCK // max(1, len(saving)))
+    for start in range(0, len(v), step):
+        end = min(len(v), start + step)
+        saving += np.maximum(v[start:end, None] - instance.block(start, end), 0.0).sum(axis=0)
+    return _lagrangian(instance.opening, np.zeros(len(saving), dtype=np.int8), v, saving)
+
+
+def _evaluate(instance: Instance, case: _Case, v: Array) -> tuple[float, Array]:
+    """As `_first`, on what is left of a case."""
+    margin = v[case.demand] - case.cost
+    used = margin > 0.0
+    saving = np.bincount(case.facility[used], margin[used], len(case.state)).astype(np.float64)
+    return _lagrangian(instance.opening, case.state, v, saving)
+
+
+def _lagrangian(opening: Array, state: npt.NDArray[np.int8], v: Array, saving: Array) -> tuple[float, Array]:
+    """L(v) and, by facility, its reduced cost; what rounding may have changed is taken off the size of both."""
+    reduced_cost = np.where(state == _CLOSED, 0.0, opening) - saving
+    used = (state == _OPEN) | ((state == _FREE) & (reduced_cost < 0.0))
+    eps, prices = float(np.finfo(np.float64).eps), float(np.abs(v).sum())
+    lost = eps * (len(v) + 8) * (np.where(state == _CLOSED, 0.0, opening) + saving) + _ROUNDING * prices
+    value = math.fsum([*v.tolist(), *reduced_cost[used].tolist()])
+    low = value - float(lost[used].sum()) - eps * abs(value)
+    with np.errstate(invalid="ignore"):  # an infinite opening cost is above all that rounding may do
+        gain = np.where(np.isinf(reduced_cost), np.inf, np.maximum(np.abs(reduced_cost) - lost, 0.0))
+    return low, np.sign(reduced_cost) * gain
+
+
+def _start(instance: Instance, v: Array, gain: Array, low: float, target: float) -> _Case:
+    """What the root leaves: every pair and facility that a solution below the target can contain."""
+    none = np.zeros(0, dtype=np.int64)
+    state = np.zeros(len(gain), dtype=np.int8)
+    state[instance.opening >= target] = _CLOSED
+    decided = _without(_Case(0, state, none, none, np.zeros(0), low), v, gain, target)
+    parts: list[tuple[IntArray, IntArray, Array]] = []
+    step = max(1, _BLOCK // max(1, len(state)))
+    for start in range(0, len(v), step):
+        end = min(len(v), start + step)
+        cost = instance.block(start, end)
+        row, column = np.nonzero((cost < instance.outside[start:end, None]) & (cost < target * (1.0 + _ROUNDING)))
+        pairs = decided._replace(demand=row + start, facility=column, cost=cost[row, column])
+        rest = _without(pairs, v, gain, target)
+        parts.append((rest.demand, rest.facility, rest.cost))
+    demand, facility, costs = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return decided._replace(demand=demand, facility=facility, cost=costs)
+
+
+def _without(case: _Case, v: Array, gain: Array, target: float) -> _Case:
+    """A case without the facilities and pairs whose use, or absence, alone costs as much as the target."""
+    state = case.state.copy()
+    free = state == _FREE
+    state[free & (case.low + gain >= target)] = _CLOSED
+    state[free & (case.low - gain >= target)] = _OPEN
+    detour = np.where(state == _FREE, np.maximum(gain, 0.0), 0.0)[case.facility]
+    detour += np.maximum(case.cost * (1.0 - _ROUNDING) - v[case.demand], 0.0)
+    left = (case.low + detour < target) & (state[case.facility] != _CLOSED)
+    return case._replace(state=state, demand=case.demand[left], facility=case.facility[left], cost=case.cost[left])
+
+
+def _cases(certificate: Certificate, below: list[int], case: _Case) -> list[_Case]:
+    """The cases below a node, without the one that its bound rules out."""
+    cases = []
+    for node in below:
+        facility, side = int(certificate.facility[node]), _OPEN if certificate.is_open[node] else _CLOSED
+        if facility < 0:
+            cases.append(case._replace(node=node))
+        elif case.state[facility] in (_FREE, side):
+            state = case.state.copy()
+            state[facility] = side
+            cases.append(case._replace(node=node, state=state))
+    return cases
+
+
+def _cost(instance: Instance, case: _Case) -> float:
+    """What the only open set of a decided case costs at least."""
+    service, is_open = np.array(instance.outside), case.state == _OPEN
+    open_pairs = is_open[case.facility]
+    np.minimum.at(service, case.demand[open_pairs], case.cost[open_pairs])
+    return math.fsum([*instance.opening[is_open].tolist(), *service.tolist()]) * (1.0 - _ROUNDING)
