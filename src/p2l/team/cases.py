@@ -65,7 +65,7 @@ def tree_bound(instance: Instance, certificate: Certificate) -> float:
         low, gain = _evaluate(instance, case, v)
         case = case._replace(low=max(low, case.low))
         if case.low < target:
-            case = _without(case, v, gain, target)
+            case = _without(case, v, gain, low, target)
             if children[case.node]:
                 waiting += _cases(certificate, children[case.node], case)
                 continue
@@ -143,7 +143,7 @@ def _start(instance: Instance, v: Array, gain: Array, low: float, target: float)
     none = np.zeros(0, dtype=np.int64)
     state = np.zeros(len(gain), dtype=np.int8)
     state[instance.opening >= target] = _CLOSED
-    decided = _without(_Case(0, state, none, none, np.zeros(0), low), v, gain, target)
+    decided = _without(_Case(0, state, none, none, np.zeros(0), low), v, gain, low, target)
     parts: list[tuple[IntArray, IntArray, Array]] = []
     step = max(1, _BLOCK // max(1, len(state)))
     for start in range(0, len(v), step):
@@ -151,21 +151,24 @@ def _start(instance: Instance, v: Array, gain: Array, low: float, target: float)
         cost = instance.block(start, end)
         row, column = np.nonzero((cost < instance.outside[start:end, None]) & (cost < target * (1.0 + _ROUNDING)))
         pairs = decided._replace(demand=row + start, facility=column, cost=cost[row, column])
-        rest = _without(pairs, v, gain, target)
+        rest = _without(pairs, v, gain, low, target)
         parts.append((rest.demand, rest.facility, rest.cost))
     demand, facility, costs = (np.concatenate(part) for part in zip(*parts, strict=True))
     return decided._replace(demand=demand, facility=facility, cost=costs)
 
 
-def _without(case: _Case, v: Array, gain: Array, target: float) -> _Case:
-    """A case without the facilities and pairs whose use, or absence, alone costs as much as the target."""
+def _without(case: _Case, v: Array, gain: Array, low: float, target: float) -> _Case:
+    """A case without the facilities and pairs whose use, or absence, alone costs as much as the target.
+
+    `low` is L(v) of the very v that `gain` belongs to; a bound that an earlier node has proven may not stand in for it.
+    """
     state = case.state.copy()
     free = state == _FREE
-    state[free & (case.low + gain >= target)] = _CLOSED
-    state[free & (case.low - gain >= target)] = _OPEN
+    state[free & (low + gain >= target)] = _CLOSED
+    state[free & (low - gain >= target)] = _OPEN
     detour = np.where(state == _FREE, np.maximum(gain, 0.0), 0.0)[case.facility]
     detour += np.maximum(case.cost * (1.0 - _ROUNDING) - v[case.demand], 0.0)
-    left = (case.low + detour < target) & (state[case.facility] != _CLOSED)
+    left = (low + detour < target) & (state[case.facility] != _CLOSED)
     return case._replace(state=state, demand=case.demand[left], facility=case.facility[left], cost=case.cost[left])
 
 
