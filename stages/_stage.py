@@ -35,6 +35,7 @@ from yaml import YAMLError  # type: ignore[import-untyped]
 from p2l.artifacts import write_text
 from p2l.errors import P2LError
 from p2l.schema import StageConfig, resolve, validate
+from p2l.text import printable
 from p2l.tracking import RUN_FILE, RunCard, Tracker, start
 from stages import ROOT
 
@@ -44,7 +45,7 @@ FinishedCheck = Callable[[ConfigT, Path], str | None]
 
 PARENT_VARIABLE = "P2L_PARENT_RUN"
 CONFIG_FILE, LOG_FILE = "config.yaml", "stage.log"
-_PATHS = ("tasks", "transfer", "policy")  # files that a person names on the command line
+_PATHS = ("tasks", "transfer", "policy", "plan")  # files that a person names on the command line
 _ALWAYS = ("hydra.output_subdir=null", "hydra/job_logging=none")  # this module keeps the config and the log
 
 
@@ -89,7 +90,7 @@ def _command_line(name: str, entry: Callable[[], Any]) -> int:
     except JobError as failure:
         return failure.code
     except (HydraException, OmegaConfBaseException, YAMLError, ValueError) as error:  # a job reports its own
-        print(f"stage {name}: {_one_message(error)}\nSee `python -m stages.{name} --help`.", file=sys.stderr)
+        print(f"stage {name}: {printable(_one_message(error))}\nSee `python -m stages.{name} --help`.", file=sys.stderr)
         return P2LError.exit_code
     return 0
 
@@ -152,7 +153,7 @@ def _job(
         _run(name, schema, function, config, out, finished)
     except P2LError as error:
         _clear(out, before)
-        print(f"{title}: {error}", file=sys.stderr)
+        print(f"{title}: {printable(str(error))}", file=sys.stderr)
         raise failure(error.exit_code) from None
     except Exception:
         print(f"{title}: unexpected error\n{traceback.format_exc()}", file=sys.stderr)

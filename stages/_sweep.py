@@ -13,6 +13,7 @@ from hydra.experimental.callback import Callback
 from omegaconf import DictConfig, open_dict
 
 from p2l.errors import P2LError
+from p2l.text import printable
 from p2l.tracking import open_sweep
 from stages import ROOT
 from stages._stage import PARENT_VARIABLE
@@ -35,7 +36,7 @@ class ParentRun(Callback):
                 name, Path(config.hydra.sweep.dir).name, command, ROOT, config.tracking.uri
             )
         except P2LError as error:
-            print(f"stage {name}: {error}", file=sys.stderr)
+            print(f"stage {name}: {printable(str(error))}", file=sys.stderr)
             raise SystemExit(error.exit_code) from None  # Hydra turns an exception of a callback into a warning
         atexit.register(self._end, "FAILED")
         with open_dict(config):

@@ -23,7 +23,8 @@ def run(cfg: PlanConfig, out: Path, track: Tracker) -> None:
 
 def _own_tasks(cfg: PlanConfig, tasks: Path, transfer: Path, out: Path, track: Tracker) -> None:
     from p2l.evaluation.team.plan import save_plan_figure
-    from p2l.team.files import explain, read_problem, write_plan
+    from p2l.team.files import read_problem
+    from p2l.team.plan_files import explain, write_plan
 
     problem = read_problem(tasks, transfer, cfg.order)
     options = {"theta": cfg.theta} if cfg.planner == "cba" else {}

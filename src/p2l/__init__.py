@@ -3,7 +3,7 @@
 Everything that a person imports, in one place; nothing is loaded before it is used.
 
 Which tasks to teach (thesis, chapter 3): `Problem`, `Plan`, `Decision`, `plan`, `explain`, `read_problem`,
-`write_plan`, `check_certificate`, and facility location for its own sake, `solve_facility_location`.
+`write_plan`, `read_plan`, `check_certificate`, and facility location for its own sake, `solve_facility_location`.
 Which recovery to train next (chapter 4): `SkillGraph`, `History`, `Trained`, `learn`, `make_chooser`.
 What skills are learnt in: `make_world`, `make_domain`. What has been learnt (chapter 5): `load_policy`.
 What goes wrong because of what was given: `P2LError`.
@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from p2l.metareskill.loop import learn
     from p2l.team.certificate import check_certificate
     from p2l.team.facility import solve_facility_location
-    from p2l.team.files import explain, read_problem, write_plan
+    from p2l.team.files import read_problem
+    from p2l.team.plan_files import explain, read_plan, write_plan
     from p2l.team.planners import plan
     from p2l.team.problem import Decision, Plan, Problem
     from p2l.worlds.table import make_world
@@ -47,6 +48,7 @@ __all__ = [
     "make_domain",
     "make_world",
     "plan",
+    "read_plan",
     "read_problem",
     "solve_facility_location",
     "write_plan",
@@ -61,7 +63,8 @@ _HOMES = {
     "p2l.metareskill.loop": ("learn",),
     "p2l.team.certificate": ("check_certificate",),
     "p2l.team.facility": ("solve_facility_location",),
-    "p2l.team.files": ("explain", "read_problem", "write_plan"),
+    "p2l.team.files": ("read_problem",),
+    "p2l.team.plan_files": ("explain", "read_plan", "write_plan"),
     "p2l.team.planners": ("plan",),
     "p2l.team.problem": ("Decision", "Plan", "Problem"),
     "p2l.worlds.table": ("make_world",),

@@ -5,10 +5,12 @@ import json
 import numpy as np
 import pytest
 
-from p2l.errors import ConfigError, InputError
+from p2l.errors import ArtifactError, ConfigError, InputError, ShapeError, SolverError
 from p2l.team import Decision, plan
-from p2l.team.files import explain, read_problem, write_plan
-from tests.team.team_instances import thesis_set
+from p2l.team.certificate import check_certificate
+from p2l.team.files import read_problem
+from p2l.team.plan_files import explain, read_plan, write_plan
+from tests.team.team_instances import random_transfer, thesis_set
 
 ORDERS = "task,c_rob,c_hum,c_fail,c_demo,pretrained\ncup,10,100,100,200,0\nlid,10,100,100,200,0.5\nbox,1e1,90,80,70,1\n"
 TRANSFER = ",box,cup,lid\nlid,0.1,0.2,1\ncup,0.3,1,0.4\nbox,1,0.5,0.6\n"
@@ -51,9 +53,13 @@ def test_spreadsheet_habits_are_understood(tmp_path):
         ("lid,10", "cup,10", "orders.csv, row 3, column 'task': task 'cup' appears twice"),
         ("lid,10", ",10", "orders.csv, row 3, column 'task': a task has no name"),
         ("lid,10", "lid,ten", "orders.csv, row 3, column 'c_rob': 'ten' is not a number"),
-        ("lid,10", "lid,", "orders.csv, row 3, column 'c_rob': '' is not a number"),
+        (
+            "lid,10",
+            "lid,never",
+            "orders.csv, row 3, column 'c_rob': 'never' is not a number; give a cost",
+        ),
         ("lid,10", "lid,nan", "orders.csv, row 3, column 'c_rob': 'nan' is not allowed; give a cost of at least 0"),
-        ("lid,10", "lid,inf", "orders.csv, row 3, column 'c_rob': 'inf' is not allowed"),
+        ("lid,10,100,100,200", "lid,inf,inf,100,", "orders.csv: task 'lid' cannot be done: nobody can do or teach it"),
         ("lid,10", "lid,1e300", "column 'c_rob': '1e300' is not allowed; give a cost of at least 0 and at most 1e100"),
         ("lid,10", "lid,1_0", "orders.csv, row 3, column 'c_rob': '1_0' is not a number"),
         ("lid,10", "l\0d,10", "orders.csv, row 3, column 'task': task 'l\\x00d' holds a NUL character"),
@@ -145,7 +151,7 @@ def test_a_written_plan_holds_the_decisions_and_their_costs(tmp_path):
     assert sum(float(row["expected_cost"]) for row in rows) == pytest.approx(result.objective)
     summary = json.loads((tmp_path / "new" / "plan.json").read_text(encoding="utf-8"))
     counts = ["n_tasks", "n_act", "n_delegate", "n_learn"]
-    assert list(summary) == ["planner", "status", "objective", "lower_bound", "gap", "seconds", *counts]
+    assert list(summary) == ["planner", "order", "status", "objective", "lower_bound", "gap", "seconds", *counts]
     assert [summary[name] for name in counts] == [5, 2, 2, 1]
     assert (summary["planner"], summary["status"], summary["objective"]) == ("auto", "optimal", result.objective)
 
@@ -203,3 +209,73 @@ def test_a_free_order_shows_in_the_file(tmp_path):
     tasks = [line.split(",")[1] for line in (tmp_path / "plan.csv").read_text(encoding="utf-8").splitlines()[1:]]
     assert tasks == ["part 3", "part 0", "part 1", "part 2"]
     assert result.count(Decision.LEARN) == 1
+
+
+def test_an_empty_cost_or_inf_means_not_possible(tmp_path):
+    orders = ORDERS.replace("lid,10,100", "lid,,inf")
+    problem = read_problem(*files(tmp_path, orders))
+    assert (problem.c_rob[1], problem.c_hum[1]) == (np.inf, np.inf)
+    assert plan(problem).decision[1] == Decision.LEARN
+
+
+@pytest.mark.parametrize("planner", ["auto", "greedy", "ad"])
+def test_a_plan_that_is_read_again_is_the_plan(tmp_path, planner):
+    problem = dataclasses.replace(random_transfer(60), tasks=("=1+1", "'=1+1", "-x", "@y", *map(str, range(56))))
+    day = plan(problem, planner)
+    write_plan(tmp_path, problem, day)
+    again = read_plan(tmp_path, problem)
+    assert check_certificate(problem, again).cost == day.objective
+    for name in ("decision", "skill", "sequence", "status", "lower_bound", "gap", "planner"):
+        assert np.array_equal(getattr(again, name), getattr(day, name)), name
+    text = (tmp_path / "plan.csv").read_text()
+    assert not [cell for row in csv.reader(text.splitlines()) for cell in row if cell[:1] in ("=", "-", "@", "+")]
+
+
+@pytest.mark.parametrize(
+    ("file", "change", "error", "message"),
+    [
+        ("plan.csv", lambda text: text[: len(text) // 2], InputError, "row|name each"),
+        ("plan.csv", lambda text: text.replace(",learn,", ",dance,", 1), InputError, "is no row of a plan"),
+        ("plan.csv", lambda _: "", InputError, "does not name each of the 60 tasks once"),
+        ("plan.json", lambda text: text[:-9], ArtifactError, "cannot be read as a plan's summary"),
+        ("plan.json", lambda _: "[]", ArtifactError, "is no summary of a plan"),
+        ("plan.json", lambda text: text.replace('"optimal"', '"heuristic"'), SolverError, "status is 'heuristic'"),
+        ("plan.json", lambda text: text.replace('"lower_bound": ', '"lower_bound": 9'), SolverError, "lower_bound is"),
+        ("plan.csv", lambda text: text.replace(",act,", ",delegate,", 1), SolverError, "but the problem gives"),
+    ],
+)
+def test_a_plan_that_was_tampered_with_is_refused(tmp_path, file, change, error, message):
+    problem = random_transfer(60)
+    write_plan(tmp_path, problem, plan(problem))
+    (tmp_path / file).write_text(change((tmp_path / file).read_text()))
+    with pytest.raises(error, match=message):
+        check_certificate(problem, read_plan(tmp_path, problem))
+
+
+def test_half_a_certificate_is_refused_and_none_is_said_to_be_missing(tmp_path):
+    problem = random_transfer(60)
+    write_plan(tmp_path, problem, plan(problem))
+    whole = (tmp_path / "certificate.npz").read_bytes()
+    (tmp_path / "certificate.npz").write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(ArtifactError, match=r"certificate\.npz: (damaged|not a p2l array)"):
+        read_plan(tmp_path, problem)
+    (tmp_path / "certificate.npz").unlink()
+    with pytest.raises(SolverError, match="none given"):
+        check_certificate(problem, read_plan(tmp_path, problem))
+
+
+def test_a_plan_of_other_tasks_is_refused(tmp_path):
+    problem, other = thesis_set(4), thesis_set(5)
+    with pytest.raises(ShapeError, match="plan: is of 4 tasks; the problem has 5"):
+        explain(other, plan(problem))
+    with pytest.raises(ShapeError, match="plan: is of 4 tasks; the problem has 5"):
+        write_plan(tmp_path, other, plan(problem))
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ArtifactError, match="is a file; give a folder"):
+        write_plan(tmp_path / "file", problem, plan(problem))
+
+
+def test_names_reach_the_terminal_written_out():
+    problem = dataclasses.replace(thesis_set(3, np.ones((3, 3))), tasks=("a\x1b[31m", "b", "c"))
+    assert "a\\x1b[31m" in explain(problem, plan(problem))
+    assert "\x1b" not in explain(problem, plan(problem))

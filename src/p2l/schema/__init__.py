@@ -19,12 +19,13 @@ from p2l.schema.metareskill import (
 )
 from p2l.schema.pipeline import ConfigStageConfig, ReportConfig
 from p2l.schema.recovery import ClusterConfig, DiscoverConfig, WatchConfig
-from p2l.schema.team import CollectConfig, EvaluateTeamConfig, FitTransferConfig, PlanConfig
+from p2l.schema.team import CheckPlanConfig, CollectConfig, EvaluateTeamConfig, FitTransferConfig, PlanConfig
 
 SCHEMAS: Mapping[str, type[StageConfig]] = {
     "collect": CollectConfig,
     "fit_transfer": FitTransferConfig,
     "plan": PlanConfig,
+    "check_plan": CheckPlanConfig,
     "evaluate_team": EvaluateTeamConfig,
     "fit_preconditions": FitPreconditionsConfig,
     "discover": DiscoverConfig,
@@ -42,6 +43,7 @@ SCHEMAS: Mapping[str, type[StageConfig]] = {
 __all__ = [
     "SCHEMAS",
     "ChainRecoveriesConfig",
+    "CheckPlanConfig",
     "ClusterConfig",
     "CollectConfig",
     "ConfigStageConfig",

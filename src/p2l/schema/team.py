@@ -164,6 +164,24 @@ class PlanConfig(StudyStageConfig):
         return self.planner
 
 
+class CheckPlanConfig(StageConfig):
+    """Stage `check_plan`: the plan in a folder against the tasks that it was made for."""
+
+    tasks: Path
+    transfer: Path
+    plan: Path
+
+    @property
+    def subject(self) -> str:
+        """The name of the person's file."""
+        return self.tasks.stem
+
+    @property
+    def method(self) -> str:
+        """The only one."""
+        return "certificate"
+
+
 class EvaluateTeamConfig(StudyStageConfig):
     """Stage `evaluate_team`: plans run in the world they were made for."""
 

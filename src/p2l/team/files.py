@@ -1,4 +1,4 @@
-"""A person's own tasks: `orders.csv` and `transfer.csv` in, `plan.csv`, `plan.json` and a table of reasons out.
+"""A person's own tasks: `orders.csv` and `transfer.csv`; what comes out is `p2l.team.plan_files`'s.
 
 Reading stops at the first thing that is wrong, with one message that names the file, the row (as a spreadsheet counts
 them, the header is row 1) and the column.
@@ -7,24 +7,19 @@ them, the header is row 1) and the column.
 from __future__ import annotations
 
 import csv
-import io
-import json
+import math
 from collections import Counter
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from p2l.artifacts import finite, write_text
-from p2l.errors import ConfigError, InputError
+from p2l.errors import ConfigError, InputError, ShapeError
 from p2l.records import Array
-from p2l.team.outcome import decide, objective
-from p2l.team.problem import ORDERS, Decision, Order, Plan, Problem
+from p2l.team.problem import ORDERS, Order, Problem
 
 _COSTS = ("c_rob", "c_hum", "c_fail", "c_demo")
 _ORDERS_COLUMNS = ("task", *_COSTS)
 _LARGEST = 1e100  # said in a message; a larger cost is a slip, and sums of such costs overflow
-_NAMES = 4  # tasks that a row of the table of reasons names; the rest are counted
 
 Row = tuple[int, list[str]]
 
@@ -33,14 +28,15 @@ def read_problem(orders_csv: Path | str, transfer_csv: Path | str, order: Order 
     r"""Read tasks in work order and the transfer table.
 
     Args:
-        orders_csv: columns `task,c_rob,c_hum,c_fail,c_demo` and optionally `pretrained` (a probability, 0 if absent).
+        orders_csv: columns `task,c_rob,c_hum,c_fail,c_demo` and optionally `pretrained` (a probability, 0 if absent). A
+            cost that is `inf`, or left empty, stands for what is not possible.
         transfer_csv: square; first column the taught task, first row the tested task, cells probabilities. Rows and
             columns may come in any order.
         order: "fixed" or "any".
 
     Raises:
         InputError: a file that is missing, empty or not a CSV; an unknown, missing or repeated column; a missing, extra
-            or repeated task; a cell that is no number, NaN, infinite, negative, or no probability.
+            or repeated task; a cell that is no number, NaN, negative, or no probability; a task that nobody can do.
         ConfigError: an unknown order.
 
     Example:
@@ -77,106 +73,10 @@ def read_problem(orders_csv: Path | str, transfer_csv: Path | str, order: Order 
         cells_of = [(line, cells[at["pretrained"]]) for line, cells in rows]
         pretrained = np.array([_number(orders, line, "pretrained", text, 1.0) for line, text in cells_of])
     table = _read_transfer(transfer, tasks, orders)
-    return Problem(tasks=tasks, **costs, pretrained=pretrained, transfer=table, order=order)
-
-
-def write_plan(folder: Path | str, problem: Problem, plan: Plan) -> None:
-    """Write `plan.csv` (one row per task, in order of work) and `plan.json` (the summary) into `folder`, atomically.
-
-    In `plan.csv`, `skill` names the lesson that an attempt uses (a taught task names itself); it is empty for the
-    pre-trained skills and for the person.
-
-    Example:
-        >>> import numpy as np
-        >>> from pathlib import Path
-        >>> from tempfile import TemporaryDirectory
-        >>> from p2l import Problem, plan, write_plan
-        >>> one = np.ones(1)
-        >>> problem = Problem(("gear",), 10 * one, 100 * one, 100 * one, 200 * one, 0.95 * one, np.eye(1))
-        >>> with TemporaryDirectory() as folder:
-        ...     write_plan(folder, problem, plan(problem))
-        ...     print((Path(folder) / "plan.csv").read_text(), end="")
-        order,task,decision,skill,p_success,expected_cost
-        1,gear,act,,0.95,15
-    """
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["order", "task", "decision", "skill", "p_success", "expected_cost"])
-    for place, task in enumerate(plan.sequence.tolist(), start=1):
-        skill = int(plan.skill[task])
-        decision = Decision(int(plan.decision[task])).name.lower()
-        numbers = [f"{value:.12g}" for value in (plan.p_success[task], plan.expected_cost[task])]
-        writer.writerow([place, problem.tasks[task], decision, problem.tasks[skill] if skill >= 0 else "", *numbers])
-    summary = {
-        "planner": plan.planner,
-        "status": plan.status,
-        "objective": finite(plan.objective),
-        "lower_bound": finite(plan.lower_bound),
-        "gap": finite(plan.gap),
-        "seconds": finite(plan.seconds),
-        "n_tasks": problem.n,
-        "n_act": plan.count(Decision.ACT),
-        "n_delegate": plan.count(Decision.DELEGATE),
-        "n_learn": plan.count(Decision.LEARN),
-    }
-    facts = json.dumps(summary, indent=1, allow_nan=False) + "\n"
-    write_text(Path(folder) / "plan.csv", text.getvalue())
-    write_text(Path(folder) / "plan.json", facts)
-
-
-def explain(problem: Problem, plan: Plan) -> str:
-    """A table saying why each lesson pays: its cost, the tasks it pays for, their cost without it, and the saving.
-
-    "Without it" keeps the other lessons and does every other task at its best; the taught task is counted in.
-
-    Example:
-        >>> import numpy as np
-        >>> from p2l import Problem, explain, plan
-        >>> one = np.ones(1)
-        >>> problem = Problem(("gear",), 10 * one, 100 * one, 100 * one, 200 * one, 0.95 * one, np.eye(1))
-        >>> print(explain(problem, plan(problem)))  # doctest: +ELLIPSIS
-        Expected cost 15.0 (proven optimal)...
-    """
-    lessons = plan.decision == Decision.LEARN
-    alone = objective(problem, decide(problem, np.zeros(problem.n, dtype=bool), plan.sequence), plan.sequence).total
-    rows = [("lesson", "costs", "pays for", "cost without it", "cost with it", "saving")]
-    for lesson in plan.sequence[lessons[plan.sequence]].tolist():
-        others = lessons.copy()
-        others[lesson] = False
-        without = objective(problem, decide(problem, others, plan.sequence), plan.sequence).expected_cost
-        users = [task for task in plan.sequence.tolist() if plan.skill[task] == lesson and task != lesson]
-        group = [lesson, *users]
-        before, now = float(without[group].sum()), float(plan.expected_cost[group].sum())
-        names = [problem.tasks[task] for task in users]
-        listing = ", ".join(names[:_NAMES]) + (f" and {len(names) - _NAMES} more" if len(names) > _NAMES else "")
-        numbers = [f"{value:,.1f}" for value in (before, now, before - now)]
-        rows.append((problem.tasks[lesson], f"{problem.c_demo[lesson]:,.1f}", listing or "itself only", *numbers))
-    counts = ", ".join(f"{plan.count(kind)} {kind.name.lower()}" for kind in Decision)
-    total = f"Expected cost {plan.objective:,.1f} ({_proof(plan)}); without any lesson {alone:,.1f}. {counts}."
-    return total + "\n" + (_columns(rows) if len(rows) > 1 else "No lesson pays for itself.")
-
-
-def _proof(plan: Plan) -> str:
-    """How far the plan can be from the best one; `plan.gap` is relative to the plan, so it would say too little."""
-    if plan.status == "optimal":
-        return "proven optimal"
-    if plan.lower_bound > 0.0:
-        excess = (plan.objective - plan.lower_bound) / plan.lower_bound
-        return f"{plan.status}, at most {excess:.2%} above the optimum"
-    return f"{plan.status}, the optimum is at least {max(0.0, plan.lower_bound):,.1f}"  # no cost is negative
-
-
-def _columns(rows: Sequence[Sequence[str]]) -> str:
-    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
-    names = (0, 2)  # read from the left; numbers are compared from the right
-    lines = [
-        "  ".join(
-            cell.ljust(w) if column in names else cell.rjust(w)
-            for column, (cell, w) in enumerate(zip(row, widths, strict=True))
-        )
-        for row in rows
-    ]
-    return "\n".join([lines[0], "  ".join("-" * width for width in widths), *lines[1:]])
+    try:
+        return Problem(tasks=tasks, **costs, pretrained=pretrained, transfer=table, order=order)
+    except ShapeError as error:
+        raise InputError.at(orders, None, None, str(error)) from error
 
 
 def _read_transfer(path: Path, tasks: tuple[str, ...], orders: Path) -> Array:
@@ -214,7 +114,10 @@ def _probabilities(path: Path, line: int, tasks: tuple[str, ...], cells: list[st
 
 
 def _number(path: Path, line: int, column: str, text: str, largest: float) -> float:
-    what = "a probability in [0, 1]" if largest == 1.0 else "a cost of at least 0 and at most 1e100"
+    is_cost = largest != 1.0
+    what = "a cost of at least 0 and at most 1e100, or inf for never" if is_cost else "a probability in [0, 1]"
+    if is_cost and text.lower() in ("", "inf", "infinity"):
+        return math.inf
     try:
         value = float(text.replace("_", "?"))  # Python would read 1_0 as 10
     except ValueError:
