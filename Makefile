@@ -2,16 +2,19 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help install repro test lint ui watch thesis lock clean
+.PHONY: help venv install repro test lint ui watch thesis lock clean
 
 PYTHON ?= python3.11
 PORT ?= 5000
 world ?= door
-VENV := $(CURDIR)/.venv
+# Relative, so that no file name that make splits at a space ever holds the path of this checkout.
+VENV := .venv
 BIN := $(VENV)/bin
+# Says that this Makefile made .venv; nothing else is ever written to or emptied.
+OURS := $(VENV)/.made-by-p2l
 # The stamp names the lock that it was installed from: no other lock, and no interrupted install, can pass for it.
 STAMP := $(VENV)/.installed-$(shell sha256sum requirements.lock | cut -c1-16)
-export PATH := $(BIN):$(PATH)
+export PATH := $(CURDIR)/$(BIN):$(PATH)
 export PIP_DISABLE_PIP_VERSION_CHECK := 1
 export DVC_NO_ANALYTICS := 1
 
@@ -20,11 +23,19 @@ help: ## list the targets
 
 install: $(STAMP) ## make .venv with the pinned packages
 
-$(STAMP): requirements.lock
-	@command -v $(PYTHON) > /dev/null || { echo "make: $(PYTHON) not found; install Python 3.11 or say make PYTHON=<path>" >&2; exit 2; }
-	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' || { echo "make: $(PYTHON) is not Python 3.11; say make PYTHON=<path>" >&2; exit 2; }
-	ls $(VENV)/.installed-* > /dev/null 2>&1 || $(PYTHON) -m venv --clear $(VENV)
+venv: $(OURS) ## make .venv without packages
+	"$(PYTHON)" -m venv $(VENV)
+
+$(OURS):
+	@case "$$PWD" in *:*|*$$'\n'*) echo "make: the path of this checkout, $$PWD, holds a colon or a line break, and neither PATH nor a virtual environment can; move it" >&2; exit 2;; esac
+	@command -v "$(PYTHON)" > /dev/null || { echo "make: $(PYTHON) not found; install Python 3.11 or say make PYTHON=<path>" >&2; exit 2; }
+	@"$(PYTHON)" -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' || { echo "make: $(PYTHON) is not Python 3.11; say make PYTHON=<path>" >&2; exit 2; }
+	@if [ -e $(VENV) ] && ! ls $(VENV)/.installed-* > /dev/null 2>&1; then echo "make: $$PWD/.venv is there, and this Makefile did not make it; move it away" >&2; exit 2; fi
+	@mkdir -p $(VENV) && touch $@
+
+$(STAMP): requirements.lock | $(OURS)
 	rm -f $(VENV)/.installed-*
+	"$(PYTHON)" -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet -r requirements.lock
 	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation -e .
 	$(BIN)/python -c 'from p2l.team.facility import load_kernels; load_kernels()' # compiled once, kept beside the sources
@@ -44,7 +55,7 @@ test: lint ## lint, then every test, with a smoke run of the pipeline in a tempo
 	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder # a file's tests share a set-up; the longest file comes early
 
 ui: $(STAMP) ## browse the runs: http://127.0.0.1:5000, or make ui PORT=…
-	$(BIN)/mlflow ui --backend-store-uri "$${MLFLOW_TRACKING_URI:-sqlite:///$(CURDIR)/mlflow.db}" --host 127.0.0.1 --port $(PORT)
+	$(BIN)/mlflow ui --backend-store-uri "$${MLFLOW_TRACKING_URI:-sqlite:///$$PWD/mlflow.db}" --host 127.0.0.1 --port $(PORT)
 
 watch: $(STAMP) ## film a nominal run, a recorded failure (make watch world=door failure=3), or a recovery (policy=<dir>)
 	$(BIN)/python -m stages.watch world=$(world) $(if $(failure),failure=$(failure)) $(if $(failures),'failures="$(failures)"') $(if $(policy),'policy="$(policy)"') $(if $(transfer),transfer=$(transfer)) $(if $(seed),seed=$(seed))
@@ -53,7 +64,8 @@ thesis: $(STAMP) ## the thesis's budgets, in a clone under build/; finished item
 	scripts/thesis.sh
 
 lock: ## pin the newest allowed versions anew (pyproject.toml says what is allowed)
-	$(PYTHON) -m venv --clear build/lock
+	rm -rf build/lock
+	"$(PYTHON)" -m venv build/lock
 	build/lock/bin/python -m pip install --quiet --upgrade pip setuptools
 	build/lock/bin/python -m pip install --quiet --group dev -e .
 	build/lock/bin/python -m pip freeze --all --exclude-editable --exclude pip | sed -E 's/\+cpu$$//' > requirements.lock

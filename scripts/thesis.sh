@@ -12,7 +12,18 @@ clone=${1:-$root/build/thesis}
 export PATH=$root/.venv/bin:$PATH
 export MLFLOW_TRACKING_URI=${MLFLOW_TRACKING_URI:-sqlite:///$root/mlflow.db}
 
-[ -d "$clone/.git" ] || { rm -rf "$clone"; git clone --quiet "$root" "$clone"; }
+# What is here is checked out anew and partly deleted, so it must be a clone that this script made.
+if [ -e "$clone/.git" ]; then
+  [ -e "$clone/.git/thesis-head" ] || { echo "$0: $clone is a repository, and this script did not make it; name another folder" >&2; exit 2; }
+elif [ -e "$clone" ] && [ -n "$(ls -A "$clone")" ]; then
+  echo "$0: $clone holds files, and this script did not put them there; name an empty folder, or a new one" >&2
+  exit 2
+else
+  git clone --quiet "$root" "$clone.part.$$"
+  touch "$clone.part.$$/.git/thesis-head"
+  [ ! -d "$clone" ] || rmdir "$clone"
+  mv "$clone.part.$$" "$clone"
+fi
 head=$(git -C "$root" rev-parse HEAD)
 if [ "$(cat "$clone/.git/thesis-head" 2> /dev/null || true)" != "$head" ]; then
   [ -f "$clone/dvc.lock" ] && cp "$clone/dvc.lock" "$clone/.git/thesis-lock"
