@@ -18,6 +18,7 @@ import logging
 import os
 import re
 import shlex
+import signal
 import sys
 import traceback
 from collections.abc import Callable
@@ -43,10 +44,18 @@ ConfigT = TypeVar("ConfigT", bound=StageConfig)
 StageFunction = Callable[[ConfigT, Path, Tracker], None]
 FinishedCheck = Callable[[ConfigT, Path], str | None]
 
+STOPPED_VARIABLE = "P2L_STOPPED"  # says to what ends at exit that this process was stopped
 PARENT_VARIABLE = "P2L_PARENT_RUN"
 CONFIG_FILE, LOG_FILE = "config.yaml", "stage.log"
 _PATHS = ("tasks", "transfer", "policy", "plan")  # files that a person names on the command line
 _ALWAYS = ("hydra.output_subdir=null", "hydra/job_logging=none")  # this module keeps the config and the log
+
+
+class Terminated(BaseException):
+    """SIGTERM, as a scheduler sends it; like `KeyboardInterrupt`, it ends what goes on and lets it tidy up."""
+
+
+_STOPS: dict[type[BaseException], tuple[str, int]] = {KeyboardInterrupt: ("Ctrl-C", 130), Terminated: ("SIGTERM", 143)}
 
 
 class JobError(Exception):
@@ -85,10 +94,16 @@ def _command_line(name: str, entry: Callable[[], Any]) -> int:
     """Run Hydra on the command line; returns the exit code."""
     os.environ["HYDRA_FULL_ERROR"] = "1"  # else Hydra reports errors in its own way and exits with 1
     sys.argv[1:] = _arguments(sys.argv[1:])
+    signal.signal(signal.SIGTERM, _terminate)
     try:
         entry()
     except JobError as failure:
         return failure.code
+    except (KeyboardInterrupt, Terminated) as stop:  # a job says more
+        by, code = _STOPS[type(stop)]
+        os.environ[STOPPED_VARIABLE] = by
+        print(f"stage {name}: stopped by {by}", file=sys.stderr)
+        return code
     except (HydraException, OmegaConfBaseException, YAMLError, ValueError) as error:  # a job reports its own
         print(f"stage {name}: {printable(_one_message(error))}\nSee `python -m stages.{name} --help`.", file=sys.stderr)
         return P2LError.exit_code
@@ -155,9 +170,40 @@ def _job(
         _clear(out, before)
         print(f"{title}: {printable(str(error))}", file=sys.stderr)
         raise failure(error.exit_code) from None
-    except Exception:
+    except (KeyboardInterrupt, Terminated, Exception) as error:
+        if (stop := _stop_behind(error)) is not None:
+            by, code = _STOPS[type(stop)]
+            os.environ[STOPPED_VARIABLE] = by
+            print(f"{title}: stopped by {by}. {_what_goes_on(name, out, before)}", file=sys.stderr)
+            raise SystemExit(code) from None
         print(f"{title}: unexpected error\n{traceback.format_exc()}", file=sys.stderr)
         raise failure(1) from None
+
+
+def _terminate(number: int, frame: object) -> None:  # noqa: ARG001
+    raise Terminated
+
+
+def _stop_behind(error: BaseException | None) -> BaseException | None:
+    """The stop behind an error: a library that is stopped while it is imported raises an error of its own."""
+    while error is not None and type(error) not in _STOPS:
+        error = error.__cause__ or error.__context__
+    return error
+
+
+def _what_goes_on(name: str, out: Path, before: set[Path]) -> str:
+    """What a stopped job has left, and the command that goes on from it."""
+    ours = {out / RUN_FILE, out / LOG_FILE}
+    left = {file for file in out.rglob("*") if file.is_file()} - before - ours
+    if not left:
+        _clear(out, before)
+    place = os.path.relpath(out)
+    command = _command(name)
+    if not left:
+        return f"Nothing is kept. To begin again:\n  {command}"
+    if "hydra.run.dir=" not in command:
+        command += f" {shlex.quote(f'hydra.run.dir={place}')}"
+    return f"What is finished is kept in {place}. To go on from there:\n  {command}"
 
 
 def _run(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import atexit
+import os
 import shlex
 import sys
 from collections.abc import Callable
@@ -16,7 +17,7 @@ from p2l.errors import P2LError
 from p2l.text import printable
 from p2l.tracking import open_sweep
 from stages import ROOT
-from stages._stage import PARENT_VARIABLE
+from stages._stage import PARENT_VARIABLE, STOPPED_VARIABLE
 
 
 class ParentRun(Callback):
@@ -38,7 +39,7 @@ class ParentRun(Callback):
         except P2LError as error:
             print(f"stage {name}: {printable(str(error))}", file=sys.stderr)
             raise SystemExit(error.exit_code) from None  # Hydra turns an exception of a callback into a warning
-        atexit.register(self._end, "FAILED")
+        atexit.register(lambda: self._end("KILLED" if STOPPED_VARIABLE in os.environ else "FAILED"))
         with open_dict(config):
             config.hydra.overrides.hydra.append(f"+hydra.job.env_set.{PARENT_VARIABLE}={run_id}")
 

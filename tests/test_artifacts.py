@@ -202,3 +202,63 @@ def test_a_config_hash_does_not_see_the_order_of_keys(config):
 def test_the_envelope_is_plain_json(tmp_path):
     artifacts.save_json(tmp_path / "a.json", {"x": 1}, schema="test", version=1)
     assert json.loads((tmp_path / "a.json").read_text())["x"] == 1
+
+
+def save_until_killed(path, at_rename):
+    """Save networks of growing value; die at the given rename."""
+    import torch
+
+    count, replace = 0, Path.replace
+
+    def killing(source, target):
+        nonlocal count
+        count += 1
+        if count == at_rename:
+            os.kill(os.getpid(), signal.SIGKILL)
+        return replace(source, target)
+
+    Path.replace = killing
+    for value in range(10):
+        artifacts.save_network(path, {"w": torch.full((3,), float(value))}, {"value": value}, schema="test")
+
+
+@pytest.mark.parametrize("at_rename", range(3, 9))
+def test_a_network_that_was_being_written_when_the_process_was_killed_is_whole(tmp_path, at_rename):
+    """Its card was renamed before its weights, and a kill in between blocked the stage for good."""
+    path = tmp_path / "net.safetensors"
+    process = multiprocessing.get_context("fork").Process(target=save_until_killed, args=(path, at_rename))
+    process.start()
+    process.join()
+    assert process.exitcode == -signal.SIGKILL
+    weights, card = artifacts.load_network(path, schema="test")
+    assert weights["w"].tolist() == [float(card["value"])] * 3
+    assert card["value"] == (at_rename - 2) // 2
+    artifacts.save_network(path, weights, card, schema="test")
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["net.safetensors", "net.safetensors.json"]
+
+
+def test_what_another_process_is_writing_stays(tmp_path):
+    with artifacts.atomic(tmp_path / "a.json") as mine:
+        mine.write_text("mine")
+        artifacts.write_text(tmp_path / "a.json", "other")
+        assert mine.read_text() == "mine"
+    assert (tmp_path / "a.json").read_text() == "mine"
+
+
+def test_a_full_disk_is_one_message_and_nothing_half_written(tmp_path):
+    if not Path("/dev/full").exists():
+        pytest.skip("no /dev/full")
+    artifacts.write_text(tmp_path / "a.txt", "old")
+
+    def fill():
+        with artifacts.atomic(tmp_path / "a.txt"), Path("/dev/full").open("w") as full:
+            full.write("new")
+            full.flush()
+
+    with pytest.raises(ArtifactError, match=r"a\.txt: cannot be written \(No space left on device\)"):
+        fill()
+    assert [file.name for file in tmp_path.iterdir()] == ["a.txt"]
+    assert (tmp_path / "a.txt").read_text() == "old"
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ArtifactError, match="cannot be written"):
+        artifacts.write_text(tmp_path / "file" / "a.txt", "new")

@@ -12,6 +12,8 @@ import hashlib
 import json
 import math
 import os
+import platform
+import re
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -29,14 +31,28 @@ if TYPE_CHECKING:
 
 AnyArray = npt.NDArray[Any]
 _META = "__p2l__"
+_HOST = re.sub(r"\W", "", platform.node()) or "here"
 
 
 @contextmanager
 def atomic(path: Path | str) -> Iterator[Path]:
-    """Yield a temporary path beside `path`; on success it replaces `path`, on any error nothing is left behind."""
+    """Yield a temporary path beside `path`; on success it replaces `path`, on any error nothing is left behind.
+
+    What a killed process left of `path` goes, too.
+
+    Raises:
+        ArtifactError: the folder cannot be written, or the disk is full.
+    """
     path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    handle, name = tempfile.mkstemp(dir=path.parent, prefix=f".{path.stem}.", suffix=path.suffix)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        for file in _temporaries(path):
+            if not _is_alive(file):
+                file.unlink(missing_ok=True)
+        prefix = f".{path.stem}.{_HOST}-{os.getpid()}-"
+        handle, name = tempfile.mkstemp(dir=path.parent, prefix=prefix, suffix=path.suffix)
+    except OSError as error:
+        raise ArtifactError(f"{path}: cannot be written ({error.strerror or error})") from error
     os.close(handle)
     temporary = Path(name)
     try:
@@ -45,8 +61,31 @@ def atomic(path: Path | str) -> Iterator[Path]:
         os.umask(umask)
         temporary.chmod(0o666 & ~umask)
         temporary.replace(path)
+    except OSError as error:
+        raise ArtifactError(f"{path}: cannot be written ({error.strerror or error})") from error
     finally:
         temporary.unlink(missing_ok=True)
+
+
+def _temporaries(path: Path) -> list[Path]:
+    """Files that were to become `path`, written by processes of this machine."""
+    start = f".{path.stem}.{_HOST}-"
+    try:
+        return [file for file in path.parent.iterdir() if file.name.startswith(start) and file.suffix == path.suffix]
+    except OSError:
+        return []
+
+
+def _is_alive(temporary: Path) -> bool:
+    """Whether the process that writes a temporary file still runs."""
+    process = temporary.name.partition(f".{_HOST}-")[2].partition("-")[0]
+    try:
+        os.kill(int(process), 0)
+    except (ProcessLookupError, ValueError):
+        return False
+    except PermissionError:  # somebody else's
+        return True
+    return True
 
 
 def write_text(path: Path | str, text: str) -> None:
@@ -176,14 +215,21 @@ def _digest_table(arrow: Any) -> str:
 
 
 def save_network(path: Path | str, state: Mapping[str, torch.Tensor], card: Mapping[str, Any], *, schema: str) -> None:
-    """Write weights to `<path>` (safetensors) and what they mean to `<path>.json`; the card holds their digest."""
+    """Write weights to `<path>` (safetensors) and what they mean to `<path>.json`; the card holds their digest.
+
+    Weights are whole on disk before the card names them. A process that is killed between the two renames leaves them
+    beside the card, where `load_network` finds them.
+    """
     from safetensors.torch import save
 
     path = Path(path)
     data = save({name: tensor.detach().cpu().contiguous() for name, tensor in state.items()})
     weights = hashlib.blake2b(data, digest_size=16).hexdigest()
     with atomic(path) as temporary:
-        temporary.write_bytes(data)
+        with temporary.open("wb") as stream:
+            stream.write(data)
+            stream.flush()
+            os.fsync(stream.fileno())
         beside = path.with_suffix(path.suffix + ".json")
         save_json(beside, {**card, "weights": weights}, schema=schema, version=1)  # nothing but a rename lies between
 
@@ -192,12 +238,16 @@ def load_network(path: Path | str, *, schema: str) -> tuple[dict[str, torch.Tens
     """Read weights and card written by `save_network` (raises `ArtifactError`)."""
     from safetensors.torch import load
 
-    path = _require(Path(path))
+    path = Path(path)
     card = load_json(path.with_suffix(path.suffix + ".json"), schema=schema, version=1)
-    data = path.read_bytes()
-    if hashlib.blake2b(data, digest_size=16).hexdigest() != card.pop("weights"):
-        raise ArtifactError(f"{path}: weights do not match their card. Delete both and run `dvc repro`.")
-    return load(data), card
+    digest = card.pop("weights")
+    for file in (path, *_temporaries(path)):
+        if file.is_file() and hashlib.blake2b(data := file.read_bytes(), digest_size=16).hexdigest() == digest:
+            if file != path:
+                file.replace(path)  # its process was killed before it could
+            return load(data), card
+    _require(path)
+    raise ArtifactError(f"{path}: weights do not match their card. Delete both and run `dvc repro`.")
 
 
 def finite(value: float) -> float | None:

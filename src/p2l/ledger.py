@@ -43,12 +43,29 @@ class Item:
 
 def find(folder: Path, item: Item) -> dict[str, Any] | None:
     """The content of an item's record, or None if there is none, it is damaged, or another configuration made it."""
-    try:
-        record = load_json(folder / item.file, schema=SCHEMA, version=1)
-    except ArtifactError:
+    record = _read(folder / place(folder, item))
+    if record is None or record["config_hash"] != item.config_hash:
         return None
     content: dict[str, Any] = record["content"]
-    return content if record["config_hash"] == item.config_hash else None
+    return content
+
+
+def place(folder: Path, item: Item) -> str:
+    """Name of an item's record in `folder`.
+
+    Where a whole record of another configuration has that name, the hash is added: hours of work are not overwritten.
+    """
+    record = _read(folder / item.file)
+    if record is None or record["config_hash"] == item.config_hash:
+        return item.file
+    return f"{item.file.removesuffix('.json')}-{item.config_hash}.json"
+
+
+def _read(path: Path) -> dict[str, Any] | None:
+    try:
+        return load_json(path, schema=SCHEMA, version=1)
+    except ArtifactError:
+        return None
 
 
 def write(folder: Path, item: Item, content: dict[str, Any], *, seconds: float) -> None:
@@ -62,4 +79,4 @@ def write(folder: Path, item: Item, content: dict[str, Any], *, seconds: float) 
         "seconds": round(seconds, 3),
         "content": content,
     }
-    save_json(folder / item.file, record, schema=SCHEMA, version=1)
+    save_json(folder / place(folder, item), record, schema=SCHEMA, version=1)

@@ -2,8 +2,10 @@
 
 import importlib
 import os
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -221,3 +223,23 @@ def test_a_plan_that_cannot_be_drawn_leaves_no_half_output(tmp_path, monkeypatch
         importlib.import_module("stages.plan").run()
     assert (left.value.code, "RuntimeError: no font" in capsys.readouterr().err) == (1, True)
     assert not list(out.glob("plan.*"))
+
+
+@pytest.mark.parametrize(("number", "code", "by"), [(signal.SIGINT, 130, "Ctrl-C"), (signal.SIGTERM, 143, "SIGTERM")])
+def test_a_stop_is_two_lines_that_say_how_to_go_on_and_a_killed_run(number, code, by, tmp_path):
+    """Ctrl-C was 40 to 70 lines of traceback; SIGTERM said nothing and left the run RUNNING for ever."""
+    store = f"sqlite:///{tmp_path}/runs.db"
+    words = ["world=pick_place", "executions.train=100000", f"hydra.run.dir={tmp_path}/out", f"tracking.uri={store}"]
+    command = [sys.executable, "-m", "stages.discover", *words]
+    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        while not (tmp_path / "out/run.json").exists():
+            assert process.poll() is None, process.stderr.read()
+            time.sleep(0.1)
+        process.send_signal(number)
+        _, told = process.communicate()
+    assert process.returncode == code, told
+    assert "Traceback" not in told
+    assert f"stage discover: stopped by {by}. Nothing is kept. To begin again:\n  python -m stages.discover" in told
+    [run] = MlflowClient(store).search_runs(["1"])
+    assert run.info.status == "KILLED"
+    assert not (tmp_path / "out").exists()

@@ -20,7 +20,7 @@ from p2l.chaining.policy import ABSENT, FILE, load_policy, policy_hash, save_abs
 from p2l.chaining.train import summary, times
 from p2l.errors import ArtifactError
 from p2l.failures.record import Failures
-from p2l.ledger import Item, find, write
+from p2l.ledger import Item, find, place, write
 
 VERSION = 3  # raise it when an edit of the code changes results: committed records hold no hash of the code
 POLICIES = "policies"
@@ -80,7 +80,8 @@ def run_item(item: str, learner: str, seed: int, config: str, failures: Failures
 
 def policy_folder(records: Path, item: Item) -> Path:
     """Folder of a run's policy among the records."""
-    return records / POLICIES / f"{item.world}-{item.method}-s{item.seed}"
+    own = place(records, item).removeprefix(item.file.removesuffix(".json")).removesuffix(".json")
+    return records / POLICIES / f"{item.world}-{item.method}-s{item.seed}{own}"
 
 
 def find_run(records: Path, item: Item, config: str, folder: Path) -> RunResult | None:

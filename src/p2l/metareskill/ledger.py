@@ -72,18 +72,23 @@ class Ledger:
 
     @classmethod
     def open(cls, path: Path, identity: str) -> Ledger:
-        """The ledger at `path`, empty where there is none or, with a warning, where it cannot go on."""
-        if not path.is_file():
-            return cls(identity, path)
-        try:
-            arrays = load_arrays(path, schema=SCHEMA, version=VERSION)
-        except ArtifactError as error:
-            log.warning("%s; training begins anew", error)
-            return cls(identity, path)
-        if str(arrays["identity"]) != identity:
-            log.warning("%s: is of other failures, preconditions, settings or another seed; training begins anew", path)
-            return cls(identity, path)
-        return cls(identity, path, _entries(arrays))
+        """The ledger at `path`, empty where there is none.
+
+        Where another training's is there, or a damaged one, it stays, and the new one has its identity in its name.
+        """
+        own = path.with_name(f"{path.stem}-{identity}{path.suffix}")
+        for file in (path, own):
+            if not file.is_file():
+                return cls(identity, file)
+            try:
+                arrays = load_arrays(file, schema=SCHEMA, version=VERSION)
+            except ArtifactError as error:
+                log.warning("%s; training begins anew, beside it", error)
+                continue
+            if str(arrays["identity"]) == identity:
+                return cls(identity, file, _entries(arrays))
+            log.warning("%s: is of other failures, preconditions, settings or another seed; it stays", file)
+        return cls(identity, own)
 
     def add(self, key: Key, entry: Entry) -> None:
         """Keep an entry; on disk before this returns."""

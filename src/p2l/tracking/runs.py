@@ -178,9 +178,16 @@ def start(card: RunCard, out: Path, root: Path, *, enabled: bool = True, uri: st
         yield tracker
     except BaseException as error:
         tracker.note(f"Ended by `{type(error).__name__}`: {str(error)[:500]}")
-        tracker.finish("FAILED" if isinstance(error, Exception) else "KILLED")
+        tracker.finish("KILLED" if _was_stopped(error) else "FAILED")
         raise
     tracker.finish("FINISHED")
+
+
+def _was_stopped(error: BaseException | None) -> bool:
+    """Whether a person or a scheduler ended the run, if only while a library was imported."""
+    while error is not None and isinstance(error, Exception):
+        error = error.__cause__ or error.__context__
+    return error is not None
 
 
 def open_sweep(
