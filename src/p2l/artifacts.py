@@ -124,6 +124,11 @@ def _check(path: Path, meta: Mapping[str, Any], schema: str, version: int, diges
         raise ArtifactError(f"{path}: content does not match its digest (damaged). Delete it and run `dvc repro`.")
 
 
+def part(arrays: Mapping[str, AnyArray], prefix: str) -> dict[str, AnyArray]:
+    """The arrays whose names begin with `prefix`, without it."""
+    return {name.removeprefix(prefix): value for name, value in arrays.items() if name.startswith(prefix)}
+
+
 def save_arrays(path: Path | str, arrays: Mapping[str, AnyArray], *, schema: str, version: int) -> None:
     """Write named arrays to a compressed `.npz` with schema, version and digest inside."""
     content = {name: np.asarray(array) for name, array in arrays.items()}

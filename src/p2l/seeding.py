@@ -10,6 +10,7 @@ import hashlib
 import json
 
 import numpy as np
+import numpy.typing as npt
 
 
 def entropy(seed: int, *path: str | int) -> int:
@@ -26,3 +27,13 @@ def generator(seed: int, *path: str | int) -> np.random.Generator:
 def torch_seed(seed: int, *path: str | int) -> int:
     """A 63-bit seed for `torch.Generator.manual_seed`."""
     return entropy(seed, *path) & (2**63 - 1)
+
+
+def generator_state(rng: np.random.Generator) -> npt.NDArray[np.uint8]:
+    """What a generator will draw next, for a checkpoint: its state as JSON, in bytes."""
+    return np.frombuffer(json.dumps(rng.bit_generator.state).encode(), dtype=np.uint8)
+
+
+def restore_generator(rng: np.random.Generator, state: npt.NDArray[np.uint8]) -> None:
+    """Let a generator of the same kind go on from `generator_state`."""
+    rng.bit_generator.state = json.loads(state.tobytes())

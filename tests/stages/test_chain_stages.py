@@ -1,6 +1,7 @@
 """The stages chain_recoveries and evaluate_chains, on the small push world: what they write, and what they refuse."""
 
 import json
+import os
 import re
 import shutil
 import signal
@@ -387,6 +388,26 @@ def test_a_killed_training_goes_on_in_the_same_run(found, tmp_path):
         row["control_steps"] for row in kept["evaluations"]
     ]
     assert evaluations["control_steps"].iloc[-1] >= TRACKED["budget"]
+
+
+LEARN = """
+import sys
+from pathlib import Path
+from tests.stages.test_chain_stages import TRACKED, compare
+compare(Path(sys.argv[1]), Path(sys.argv[2]), **TRACKED)
+"""
+
+
+def test_neither_threads_nor_hash_seeds_change_a_policy(found, tmp_path):
+    """371 weights once depended on OMP_NUM_THREADS, by up to 1.2e-4."""
+    policies = []
+    for threads, hash_seed in (("1", "0"), ("2", "7")):
+        out = tmp_path / threads
+        known = {**os.environ, "OMP_NUM_THREADS": threads, "PYTHONHASHSEED": hash_seed}
+        words = [sys.executable, "-c", LEARN, str(found), str(out)]
+        subprocess.run(words, cwd=ROOT, env=known, capture_output=True, timeout=600, check=True)
+        policies.append((out / "policies/rc/s0/policy.safetensors").read_bytes())
+    assert policies[0] == policies[1]
 
 
 def test_watch_films_a_failure_beside_its_recovery(alone, found, tmp_path, capsys):

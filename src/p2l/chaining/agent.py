@@ -15,8 +15,8 @@ from p2l.artifacts import load_arrays, save_arrays
 from p2l.chaining.learner import Learner
 from p2l.chaining.mdp import Limits
 from p2l.chaining.policy import Policy, check_policy, load_policy, save_policy
-from p2l.chaining.pool import action_names, first_state
 from p2l.chaining.preconditions import ControllerPreconditions
+from p2l.chaining.states import action_names, first_state
 from p2l.contracts.option import Option
 from p2l.contracts.rows import Rows
 from p2l.contracts.world import World

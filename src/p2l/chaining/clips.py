@@ -15,8 +15,8 @@ import pandas as pd
 from p2l.chaining.agent import Agent, load_agent
 from p2l.chaining.episodes import Agents, start_states
 from p2l.chaining.execute import nominal_part, recover
-from p2l.chaining.pool import action_names
 from p2l.chaining.reuse import Novel
+from p2l.chaining.states import action_names
 from p2l.contracts.option import Option
 from p2l.contracts.rows import Rows
 from p2l.contracts.world import World

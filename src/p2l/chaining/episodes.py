@@ -20,7 +20,7 @@ from p2l.artifacts import config_hash
 from p2l.chaining.agent import Agent, load_agent
 from p2l.chaining.execute import Overall, nominal_part, overall
 from p2l.chaining.policy import FILE, Card, Policy, policy_hash
-from p2l.chaining.pool import action_names
+from p2l.chaining.states import action_names
 from p2l.contracts.option import Option
 from p2l.contracts.rows import Rows
 from p2l.contracts.world import World

@@ -21,12 +21,16 @@ Axis letters: B slots, K decisions, O observation columns.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
+from p2l.artifacts import part
 from p2l.chaining.mdp import Judge, Limits, Outcomes, Starts, Transitions, Watch, task_success
 from p2l.chaining.revisit import RevisitMoments, Revisits
+from p2l.chaining.states import action_names, sound, state_fields
 from p2l.contracts.observation import Observation
 from p2l.contracts.option import Option
 from p2l.contracts.rows import Rows
@@ -34,6 +38,8 @@ from p2l.contracts.world import World
 from p2l.errors import ConfigError, ShapeError
 from p2l.records import Array, BoolArray, IntArray
 from p2l.skills.runner import Reason, Runner
+
+_STATE = ("waiting", "_decisions", "_primitive_steps", "_steps_before", "control_steps", "timeouts")
 
 
 class Pool:
@@ -102,6 +108,32 @@ class Pool:
             self._revisits.forget(every)
         self._renew(every)
         self._rows_before = self._runner.rows.take(every)
+
+    def state(self) -> dict[str, npt.NDArray[Any]]:
+        """Everything that decides its future but the generator of its starts, for a checkpoint."""
+        state: dict[str, npt.NDArray[Any]] = {name: np.asarray(getattr(self, name)) for name in _STATE}
+        state |= {f"history.{place}": past for place, past in enumerate(self._history)}
+        state |= {f"before.{name}": value for name, value in self._rows_before.arrays().items()}
+        state |= {f"runner.{name}": value for name, value in self._runner.state().items()}
+        if self._option_observation is not None:
+            state["option_observation"] = self._option_observation.values
+        if self._revisits is not None:
+            state |= {f"revisits.{name}": value for name, value in self._revisits.state().items()}
+        return state
+
+    def restore(self, state: Mapping[str, npt.NDArray[Any]]) -> None:
+        """From what `state` gave, of a pool of the same MDP and slots."""
+        for name in ("waiting", "_decisions", "_primitive_steps", "_steps_before"):
+            getattr(self, name)[:] = state[name]
+        self.control_steps, self.timeouts = int(state["control_steps"]), int(state["timeouts"])
+        for place, past in enumerate(self._history):
+            past[:] = state[f"history.{place}"]
+        self._rows_before = Rows.from_arrays(part(state, "before."))
+        self._runner.restore(part(state, "runner."))
+        if self._option_observation is not None:
+            self._option_observation.values[:] = state["option_observation"]
+        if self._revisits is not None:
+            self._revisits.restore(part(state, "revisits."))
 
     def act(self, slots: IntArray, actions: IntArray) -> None:
         """Start `actions` [K] in `slots` [K].
@@ -224,8 +256,8 @@ class Pool:
         self._look(slots, moments.rows)
         self._decisions[slots] = moments.decisions
         self._primitive_steps[slots] = moments.primitive_steps
-        for past, part in zip(self._history, np.split(moments.state, len(self._history), axis=1), strict=True):
-            past[slots] = part
+        for past, columns in zip(self._history, np.split(moments.state, len(self._history), axis=1), strict=True):
+            past[slots] = columns
 
     def _record(self, slots: IntArray, rows: Rows) -> None:
         """Record the moments of decisions for `revisits`."""
@@ -266,35 +298,3 @@ class Pool:
     def _refuse_busy(self, slots: IntArray) -> None:
         if not self.waiting[slots].all():
             raise ConfigError(f"pool: slots {slots[~self.waiting[slots]].tolist()} are busy; poll first")
-
-
-def action_names(primitives: Sequence[Option], nominal: Sequence[Option]) -> tuple[str, ...]:
-    """A names: the primitives, then the nominal options as `from <option>`, at which the chain continues."""
-    return tuple([option.name for option in primitives] + [f"from {option.name}" for option in nominal])
-
-
-def sound(world: World, rows: Rows) -> Observation:
-    """The observation of the rows.
-
-    Raises:
-        ShapeError: NaN or infinity.
-    """
-    observation = world.observe(rows)
-    if not np.isfinite(observation.values).all():
-        bad = [name for name in observation.columns if not np.isfinite(observation[name]).all()]
-        raise ShapeError(f"{world.name}: the observation holds NaN or infinity in {', '.join(bad)}")
-    return observation
-
-
-def state_fields(observation: Observation, limits: Limits) -> Observation:
-    """The fields of an observation that make up a state: those of `limits`, or all.
-
-    Raises:
-        ShapeError: no such field.
-    """
-    return Observation.of({name: observation[name] for name in limits.fields}) if limits.fields else observation
-
-
-def first_state(world: World, rows: Rows, limits: Limits) -> Observation:
-    """The state [N, O] at the start of an episode, whose history repeats the first observation."""
-    return Observation.stack([state_fields(sound(world, rows), limits)] * limits.history)

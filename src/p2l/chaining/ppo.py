@@ -112,7 +112,6 @@ class PoolPPO(PPO):
     ) -> None:
         self.pool, self.shortcut = pool, shortcut
         self.gatherer = Gatherer()
-        self.steps_before = 0  # control steps of the run before it was resumed
         self.round = RolloutCounts(np.zeros(len(pool.actions), dtype=np.int64))
         keywords = {name: value for name, value in vars(settings).items() if name != "hidden"}
         sizes = list(settings.hidden)
@@ -143,7 +142,7 @@ class PoolPPO(PPO):
                 self._decide(np.flatnonzero(self.pool.waiting))
                 continue
             self._add(self.pool.poll())
-            self.num_timesteps = self.steps_before + self.pool.control_steps
+            self.num_timesteps = self.pool.control_steps
             callback.update_locals(locals())
             if not callback.on_step():
                 return False

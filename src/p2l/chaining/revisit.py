@@ -17,20 +17,23 @@ recent success from recorded failures, to 0 at `ENOUGH`.
 
 1. The thesis starts every episode at a recorded failure. Here, too, only those count in a round's success, and
    evaluations start nowhere else. All simulated control steps count.
-2. A resumed run gathers ways, and its recent success, anew.
 
 Axis letters: B slots, K decisions or episodes, O observation columns.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
+from p2l.artifacts import part
 from p2l.contracts.rows import Rows
 from p2l.records import Array, BoolArray, IntArray
+from p2l.seeding import generator_state, restore_generator
 
 RECENT = 100  # episodes from recorded failures that the recent success is taken over
 ENOUGH = 0.5  # recent success at which revisiting ends
@@ -74,6 +77,17 @@ class RevisitMoments:
         self.rows.put(index, moments.rows)
         for name in ("state", "decisions", "primitive_steps", "muted"):
             getattr(self, name)[index] = getattr(moments, name)
+
+    def arrays(self) -> dict[str, npt.NDArray[Any]]:
+        """All by name, for a checkpoint."""
+        rows = {f"rows.{name}": value for name, value in self.rows.arrays().items()}
+        return rows | {name: getattr(self, name) for name in ("state", "decisions", "primitive_steps", "muted")}
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, npt.NDArray[Any]]) -> RevisitMoments:
+        """From what `arrays` gave."""
+        parts = {name: np.array(arrays[name]) for name in ("state", "decisions", "primitive_steps", "muted")}
+        return cls(rows=Rows.from_arrays(part(arrays, "rows.")), **parts)
 
     @classmethod
     def join(cls, parts: Sequence[RevisitMoments]) -> RevisitMoments:
@@ -199,6 +213,56 @@ class Revisits:
             episode.failure.success += FOLLOW * (well - episode.failure.success)
             if well and simulated:
                 self._keep(int(slot), episode)
+
+    def state(self) -> dict[str, npt.NDArray[Any]]:
+        """Everything that decides its future, for a checkpoint."""
+        known = list(self._failures.values())
+        blank = [one.failure for one in self._episodes if not any(one.failure is each for each in known)]
+        failures = [*known, *blank]
+        ways = [(place, one.way) for place, one in enumerate(failures) if one.way is not None]
+        # A slot may revisit a way that a shorter one has replaced since.
+        ways += [(-1, one.way) for one in self._episodes if one.way and not any(one.way is each for _, each in ways)]
+        places = {id(way): place for place, (_, way) in enumerate(ways)}
+        numbers = {id(failure): place for place, failure in enumerate(failures)}
+        keys = [np.frombuffer(key, dtype=np.uint8) for key in self._failures]
+        state: dict[str, npt.NDArray[Any]] = {
+            "rng": generator_state(self._rng),
+            "recent": self._recent,
+            "fresh_count": np.array(self._fresh_count),
+            "keys": np.stack(keys) if keys else np.zeros((0, 0), dtype=np.uint8),
+            "success": np.array([failure.success for failure in failures]),
+            "way_of": np.array([place for place, _ in ways], dtype=np.int64),
+            "failure": np.array([numbers[id(one.failure)] for one in self._episodes]),
+            "way": np.array([-1 if one.way is None else places[id(one.way)] for one in self._episodes]),
+            "moment": np.array([one.moment for one in self._episodes]),
+            "last": np.array([one.last for one in self._episodes]),
+        }
+        for place, (_, way) in enumerate(ways):
+            state |= {f"way.{place}.{name}": value for name, value in way.moments.arrays().items()}
+            state[f"way.{place}.chance"] = way.success
+        if self._trace is not None:
+            state |= {f"trace.{name}": value for name, value in self._trace.arrays().items()}
+        return state
+
+    def restore(self, state: Mapping[str, npt.NDArray[Any]]) -> None:
+        """From what `state` gave, with the same slots."""
+        restore_generator(self._rng, state["rng"])
+        self._recent, self._fresh_count = np.array(state["recent"]), int(state["fresh_count"])
+        failures = [_Failure(success) for success in state["success"].tolist()]
+        self._failures = {key.tobytes(): failures[place] for place, key in enumerate(state["keys"])}
+        ways = []
+        for place, owner in enumerate(state["way_of"].tolist()):
+            moments = RevisitMoments.from_arrays(part(state, f"way.{place}."))
+            ways.append(_Way(moments, np.array(state[f"way.{place}.chance"])))
+            if owner >= 0:
+                failures[owner].way = ways[-1]
+        columns = (state[name].tolist() for name in ("failure", "way", "moment", "last"))
+        self._episodes = [
+            _Episode(failures[failure], None if way < 0 else ways[way], moment, last)
+            for failure, way, moment, last in zip(*columns, strict=True)
+        ]
+        trace = part(state, "trace.")
+        self._trace = RevisitMoments.from_arrays(trace) if trace else None
 
     def _candidates(self) -> list[tuple[_Failure, _Way]]:
         """Failures that can be revisited, with their ways."""

@@ -9,9 +9,12 @@ Axis letters: B slots, K decisions, O observation columns.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
 from p2l.chaining.mdp import Transitions
 from p2l.records import Array, BoolArray, IntArray
@@ -90,6 +93,39 @@ class Gatherer:
                 transitions.observation[place],
             )
             self._transitions.append(_Transition(slot, self._pending.pop(slot), reward, after, over))
+
+    def state(self) -> dict[str, npt.NDArray[Any]]:
+        """Decisions whose actions go on, and surplus ones, for a checkpoint."""
+        slots, pending, surplus = list(self._pending), list(self._pending.values()), self._transitions
+        choices = [*pending, *(one.choice for one in surplus)]
+        if not choices:
+            return {}
+        state = {
+            "pending": np.array(slots, dtype=np.int64),
+            "slot": np.array([one.slot for one in surplus], dtype=np.int64),
+            "reward": np.array([one.reward for one in surplus], dtype=np.float64),
+            "over": np.array([one.over for one in surplus], dtype=np.bool_),
+            "observation": np.stack([one.observation for one in choices]),
+            "action": np.array([one.action for one in choices], dtype=np.int64),
+            "value": np.array([one.value for one in choices], dtype=np.float64),
+            "log_prob": np.array([one.log_prob for one in choices], dtype=np.float64),
+        }
+        return state | ({"after": np.stack([one.after for one in surplus])} if surplus else {})
+
+    def restore(self, state: Mapping[str, npt.NDArray[Any]]) -> None:
+        """From what `state` gave."""
+        self._pending, self._transitions = {}, []
+        if not state:
+            return
+        numbers = (state[name].tolist() for name in ("action", "value", "log_prob"))
+        choices = [_Choice(*one) for one in zip(state["observation"], *numbers, strict=True)]
+        slots = state["pending"].tolist()
+        self._pending = dict(zip(slots, choices[: len(slots)], strict=True))
+        outcomes = zip(state["slot"].tolist(), state["reward"].tolist(), state["over"].tolist(), strict=True)
+        for place, (slot, reward, over) in enumerate(outcomes):
+            self._transitions.append(
+                _Transition(slot, choices[len(slots) + place], reward, state["after"][place], over)
+            )
 
     def take(self, count: int) -> Decisions:
         """The first `count` decisions, grouped by slot."""

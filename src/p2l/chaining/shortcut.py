@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Protocol
+from typing import Any, Protocol
+
+import numpy.typing as npt
 
 from p2l.chaining.mdp import Transitions
 from p2l.records import Array, BoolArray, IntArray
@@ -24,8 +26,8 @@ class Shortcut(Protocol):
     def end(self, transitions: Transitions) -> None:
         """Transitions of those decisions."""
 
-    def state(self) -> dict[str, Array]:
-        """Its outcomes so far, for a checkpoint."""
+    def state(self) -> dict[str, npt.NDArray[Any]]:
+        """Everything that decides its future, for a checkpoint."""
 
-    def restore(self, state: Mapping[str, Array]) -> None:
+    def restore(self, state: Mapping[str, npt.NDArray[Any]]) -> None:
         """From what `state` gave."""

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from p2l.artifacts import AnyArray, config_hash, load_arrays, save_arrays
+from p2l.artifacts import AnyArray, config_hash, load_arrays, part, save_arrays
 from p2l.contracts.world import World
 from p2l.errors import ArtifactError
 from p2l.failures.classifier import ModeClassifier
@@ -128,12 +128,7 @@ def load_recoveries(path: Path | str, world: World, preconditions: Preconditions
         )
     keys = [(int(mode), int(target)) for mode, target in about["skills"]]
     skills = {
-        (mode, target): ParameterisedSkill.from_arrays(_part(arrays, f"skill.{mode}.{target}."))
-        for mode, target in keys
+        (mode, target): ParameterisedSkill.from_arrays(part(arrays, f"skill.{mode}.{target}.")) for mode, target in keys
     }
     timing = Timing(**{name: tuple(value) for name, value in about["timing"].items()})
-    return Recoveries(**identity, graph=SkillGraph.from_arrays(_part(arrays, "graph.")), skills=skills, timing=timing)
-
-
-def _part(arrays: Mapping[str, AnyArray], prefix: str) -> dict[str, AnyArray]:
-    return {key.removeprefix(prefix): value for key, value in arrays.items() if key.startswith(prefix)}
+    return Recoveries(**identity, graph=SkillGraph.from_arrays(part(arrays, "graph.")), skills=skills, timing=timing)

@@ -10,9 +10,10 @@ Axis letters: B slots, K events.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -23,6 +24,8 @@ from p2l.contracts.rows import Command, Rows
 from p2l.contracts.world import NO_FAILURE, World, advance
 from p2l.errors import ConfigError
 from p2l.records import BoolArray, IntArray
+
+_STATE = ("busy", "option", "step", "steps_total", "path_m", "kind", "kind_step", "muted", "_memory")
 
 
 class Reason(IntEnum):
@@ -84,6 +87,18 @@ class Runner:
         if self._rows is None:
             raise ConfigError("runner: no slot has been filled; call start first")
         return self._rows
+
+    def state(self) -> dict[str, npt.NDArray[Any]]:
+        """Everything that decides its future, for a checkpoint."""
+        rows = {} if self._rows is None else {f"rows.{name}": value for name, value in self._rows.arrays().items()}
+        return {**{name: getattr(self, name) for name in _STATE}, **rows}
+
+    def restore(self, state: Mapping[str, npt.NDArray[Any]]) -> None:
+        """From what `state` gave, of a runner of the same world, options and slots."""
+        for name in _STATE:
+            getattr(self, name)[:] = state[name]
+        rows = {name.removeprefix("rows."): value for name, value in state.items() if name.startswith("rows.")}
+        self._rows = Rows.from_arrays(rows) if rows else None
 
     def start(self, slots: IntArray, rows: Rows, option: IntArray) -> None:
         """A new episode in each of `slots` [K], from `rows` [K] with `option` [K]; counters start at 0."""

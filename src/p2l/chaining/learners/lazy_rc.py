@@ -17,8 +17,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 from sklearn.ensemble import ExtraTreesClassifier
 from sklearn.model_selection import train_test_split
 
@@ -26,7 +28,7 @@ from p2l.chaining.learner import ChainTask, Learner, share, whole
 from p2l.chaining.mdp import Limits, Transitions
 from p2l.errors import ConfigError
 from p2l.records import Array, BoolArray, IntArray
-from p2l.seeding import entropy, generator
+from p2l.seeding import entropy, generator, generator_state, restore_generator
 from p2l.skills.primitives import PRIMITIVES
 
 
@@ -135,9 +137,23 @@ class Lazy:
         threshold = certain_from(forest.predict_proba(parts[1])[:, 1], parts[3], settings.precision, settings.support)
         self._forests[option] = None if threshold is None else (forest, threshold)
 
-    def state(self) -> dict[str, Array]:
-        """The outcomes, for a checkpoint."""
-        arrays = {
+    def state(self) -> dict[str, npt.NDArray[Any]]:
+        """Everything that decides its future, for a checkpoint; forests are fitted again."""
+        pending = (
+            {}
+            if not self._pending
+            else {
+                "slots": np.array(list(self._pending)),
+                "options": np.array([option for option, _ in self._pending.values()]),
+                "observations": np.stack([observation for _, observation in self._pending.values()]),
+            }
+        )
+        arrays: dict[str, npt.NDArray[Any]] = {
+            "rng": generator_state(self._rng),
+            "fit_sizes": np.array(self._fit_sizes),
+            **pending,
+        }
+        arrays |= {
             f"seen.{option}": np.stack(observations)
             for option, observations in enumerate(self._observations)
             if observations
@@ -148,13 +164,19 @@ class Lazy:
             if successes
         }
 
-    def restore(self, state: Mapping[str, Array]) -> None:
+    def restore(self, state: Mapping[str, npt.NDArray[Any]]) -> None:
         """From what `state` gave."""
-        for option in range(len(self._observations)):
+        restore_generator(self._rng, state["rng"])
+        for option, fit_size in enumerate(state["fit_sizes"].tolist()):
             if f"seen.{option}" in state:
-                for observation, success in zip(state[f"seen.{option}"], state[f"paid.{option}"], strict=True):
+                outcomes = zip(state[f"seen.{option}"], state[f"paid.{option}"], strict=True)
+                for number, (observation, success) in enumerate(outcomes, start=1):
                     self._note(option, observation, bool(success > 0.5))
-                self._refit(option)
+                    if number == fit_size:
+                        self._refit(option)
+        if "slots" in state:
+            options = zip(state["options"].tolist(), state["observations"], strict=True)
+            self._pending = dict(zip(state["slots"].tolist(), options, strict=True))
 
 
 def certain_from(probability: Array, success: BoolArray, precision: float, support: int) -> float | None:

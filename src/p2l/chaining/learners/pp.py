@@ -13,8 +13,8 @@ import numpy as np
 
 from p2l.chaining.learner import ChainTask, Learner, share, whole
 from p2l.chaining.mdp import Limits, Outcomes
-from p2l.chaining.pool import first_state
 from p2l.chaining.preconditions import fit, visit
+from p2l.chaining.states import first_state
 from p2l.errors import ConfigError
 from p2l.records import Array, BoolArray
 from p2l.seeding import generator
