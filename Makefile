@@ -55,7 +55,7 @@ test: lint ## lint, then every test, with a smoke run of the pipeline in a tempo
 	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder # a file's tests share a set-up; the longest file comes early
 
 ui: $(STAMP) ## browse the runs: http://127.0.0.1:5000, or make ui PORT=…
-	$(BIN)/mlflow ui --backend-store-uri "$${MLFLOW_TRACKING_URI:-sqlite:///$$PWD/mlflow.db}" --host 127.0.0.1 --port $(PORT)
+	$(BIN)/mlflow ui --backend-store-uri "$${MLFLOW_TRACKING_URI:-$$($(BIN)/python -c 'import pathlib, p2l.tracking; print(p2l.tracking.default_store(pathlib.Path()))')}" --host 127.0.0.1 --port $(PORT)
 
 watch: $(STAMP) ## film a nominal run, a recorded failure (make watch world=door failure=3), or a recovery (policy=<dir>)
 	$(BIN)/python -m stages.watch world=$(world) $(if $(failure),failure=$(failure)) $(if $(failures),'failures="$(failures)"') $(if $(policy),'policy="$(policy)"') $(if $(transfer),transfer=$(transfer)) $(if $(seed),seed=$(seed))

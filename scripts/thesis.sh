@@ -10,7 +10,7 @@ shopt -s nullglob
 root=$(git -C "$(dirname "${BASH_SOURCE[0]}")" rev-parse --show-toplevel)
 clone=${1:-$root/build/thesis}
 export PATH=$root/.venv/bin:$PATH
-export MLFLOW_TRACKING_URI=${MLFLOW_TRACKING_URI:-sqlite:///$root/mlflow.db}
+export MLFLOW_TRACKING_URI=${MLFLOW_TRACKING_URI:-$(cd "$root" && .venv/bin/python -c 'import pathlib, p2l.tracking; print(p2l.tracking.default_store(pathlib.Path()))')}
 
 # What is here is checked out anew and partly deleted, so it must be a clone that this script made.
 if [ -e "$clone/.git" ]; then

@@ -13,7 +13,7 @@ root=$(git -C "$(dirname "${BASH_SOURCE[0]}")" rev-parse --show-toplevel)
 clone=${1:-$root/build/thesis}
 results=${RESULTS:-$root/results/thesis}
 export PATH=$root/.venv/bin:$PATH
-export MLFLOW_TRACKING_URI=${MLFLOW_TRACKING_URI:-sqlite:///$root/mlflow.db}
+export MLFLOW_TRACKING_URI=${MLFLOW_TRACKING_URI:-$(cd "$root" && .venv/bin/python -c 'import pathlib, p2l.tracking; print(p2l.tracking.default_store(pathlib.Path()))')}
 read -ra variants <<< "${VARIANTS:-half double no_history}"
 seen=grip_pos_m,grip_quat,gap_m,shelf_pos_m,object_pos_m,force_high,target_pos_m,target_quat,grip_command
 declare -A sigma=([half]="[0.005,0.01]" [double]="[0.02,0.04]")

@@ -14,6 +14,7 @@ alone.
 from __future__ import annotations
 
 import functools
+import io
 import logging
 import os
 import re
@@ -35,9 +36,9 @@ from yaml import YAMLError  # type: ignore[import-untyped]
 
 from p2l.artifacts import write_text
 from p2l.errors import P2LError
-from p2l.schema import StageConfig, resolve, validate
+from p2l.schema import PATHS, StageConfig, resolve, validate
 from p2l.text import printable
-from p2l.tracking import RUN_FILE, RunCard, Tracker, start
+from p2l.tracking import RUN_FILE, RunCard, Tracker, safe_uri, start
 from stages import ROOT
 
 ConfigT = TypeVar("ConfigT", bound=StageConfig)
@@ -47,7 +48,7 @@ FinishedCheck = Callable[[ConfigT, Path], str | None]
 STOPPED_VARIABLE = "P2L_STOPPED"  # says to what ends at exit that this process was stopped
 PARENT_VARIABLE = "P2L_PARENT_RUN"
 CONFIG_FILE, LOG_FILE = "config.yaml", "stage.log"
-_PATHS = ("tasks", "transfer", "policy", "plan")  # files that a person names on the command line
+_PATHS = PATHS | {"hydra.run.dir"}  # files and folders that a person names on the command line
 _ALWAYS = ("hydra.output_subdir=null", "hydra/job_logging=none")  # this module keeps the config and the log
 
 
@@ -94,6 +95,9 @@ def _command_line(name: str, entry: Callable[[], Any]) -> int:
     """Run Hydra on the command line; returns the exit code."""
     os.environ["HYDRA_FULL_ERROR"] = "1"  # else Hydra reports errors in its own way and exits with 1
     sys.argv[1:] = _arguments(sys.argv[1:])
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # an ASCII terminal is no reason to fail after the work is done
+            stream.reconfigure(errors="backslashreplace")
     signal.signal(signal.SIGTERM, _terminate)
     try:
         entry()
@@ -198,7 +202,7 @@ def _what_goes_on(name: str, out: Path, before: set[Path]) -> str:
     if not left:
         _clear(out, before)
     place = os.path.relpath(out)
-    command = _command(name)
+    command = safe_uri(_command(name))
     if not left:
         return f"Nothing is kept. To begin again:\n  {command}"
     if "hydra.run.dir=" not in command:
@@ -219,14 +223,16 @@ def _run(
         print(message)
         return
     plain = cfg.model_dump(mode="json")
+    if cfg.tracking.uri is not None:
+        plain["tracking"]["uri"] = safe_uri(cfg.tracking.uri)
     card = RunCard(
         stage=name,
         world=cfg.subject,
         method=cfg.method,
         seed=cfg.seed,
-        config=plain,
+        config={key: value for key, value in plain.items() if key != "tracking"},
         config_hash=cfg.hash,
-        command=_command(name),
+        command=safe_uri(_command(name)),
         parent=os.environ.get(PARENT_VARIABLE),
     )
     with start(card, out, ROOT, enabled=cfg.tracking.enabled, uri=cfg.tracking.uri) as track:

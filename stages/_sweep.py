@@ -15,7 +15,7 @@ from omegaconf import DictConfig, open_dict
 
 from p2l.errors import P2LError
 from p2l.text import printable
-from p2l.tracking import open_sweep
+from p2l.tracking import open_sweep, safe_uri
 from stages import ROOT
 from stages._stage import PARENT_VARIABLE, STOPPED_VARIABLE
 
@@ -31,7 +31,7 @@ class ParentRun(Callback):
         if not config.tracking.enabled:
             return
         name = config.hydra.job.name
-        command = shlex.join(["python", "-m", f"stages.{name}", *sys.argv[1:]])
+        command = safe_uri(shlex.join(["python", "-m", f"stages.{name}", *sys.argv[1:]]))
         try:
             run_id, self._close = open_sweep(
                 name, Path(config.hydra.sweep.dir).name, command, ROOT, config.tracking.uri

@@ -102,7 +102,7 @@ def test_a_refused_rerun_leaves_the_earlier_run_as_it_was(tmp_path, monkeypatch)
         ("null", None),
     ],
 )
-@pytest.mark.parametrize("key", ["tasks", "transfer"])
+@pytest.mark.parametrize("key", ["tasks", "transfer", "failures", "held_out", "learnt", "plan", "hydra.run.dir"])
 def test_a_path_on_the_command_line_may_hold_what_hydra_reads_otherwise(monkeypatch, key, given, meant):
     monkeypatch.setenv("HOME", "/home/of a person")
     word = _arguments([f"{key}={given}"])[0]
@@ -191,6 +191,7 @@ NEEDS = {
     "fit_transfer": {"torch", "matplotlib"},
     "iterate_recoveries": {"mujoco", "matplotlib", "sklearn"},
     "learn_recoveries": {"mujoco", "matplotlib"},
+    "check_plan": set(),
     "plan": set(),
     "evaluate_chains": {"mujoco", "torch", "matplotlib"},
     "evaluate_recoveries": {"mujoco", "matplotlib"},
@@ -243,3 +244,25 @@ def test_a_stop_is_two_lines_that_say_how_to_go_on_and_a_killed_run(number, code
     [run] = MlflowClient(store).search_runs(["1"])
     assert run.info.status == "KILLED"
     assert not (tmp_path / "out").exists()
+
+
+def test_a_password_in_the_store_s_uri_is_written_nowhere(tmp_path):
+    """It stood in config.yaml, params, tags, notes and artifacts. (sqlite ignores what its URI says before an @.)"""
+    words = ["domain=lego", "experiment=smoke", f"hydra.run.dir={tmp_path}/out"]
+    uri = f"sqlite:///{tmp_path}/runs.db?name=http://me:Tr0ub4dor@host"
+    done = run("collect", *words, f"tracking.uri='{uri}'")
+    assert done.returncode == 0, done.stderr
+    assert "Tr0ub4dor" not in done.stdout + done.stderr
+    for file in tmp_path.rglob("*"):
+        assert not file.is_file() or b"Tr0ub4dor" not in file.read_bytes(), file
+    [run_] = MlflowClient(f"sqlite:///{tmp_path}/runs.db").search_runs(["1"])
+    assert not [name for name in run_.data.params if name.startswith("tracking")]
+
+
+def test_an_ascii_terminal_is_no_reason_to_fail(tmp_path):
+    (tmp_path / "o.csv").write_text("task,c_rob,c_hum,c_fail,c_demo\nGröße,10,100,100,200\n", encoding="utf-8")
+    (tmp_path / "t.csv").write_text("task,Größe\nGröße,1\n", encoding="utf-8")
+    words = (f"tasks={tmp_path}/o.csv", f"transfer={tmp_path}/t.csv", f"hydra.run.dir={tmp_path}/out")
+    done = run("plan", *words, "tracking=disabled", PYTHONIOENCODING="ascii", PYTHONUTF8="0", LC_ALL="C")
+    assert done.returncode == 0, done.stderr
+    assert "Größe" in (tmp_path / "out/plan.csv").read_text(encoding="utf-8")

@@ -87,6 +87,30 @@ def test_an_error_ends_the_run_and_goes_on(store, client, tmp_path, error, statu
     assert "row 3 is bad" in run.data.tags["mlflow.note.content"]
 
 
+def test_a_wrong_input_leaves_no_failed_run(store, client, tmp_path):
+    """A mistyped command is no experiment."""
+
+    def refuse():
+        with start(card(stage="mistyped"), tmp_path, tmp_path, uri=store):
+            raise InputError("orders.csv: no such file")
+
+    with pytest.raises(InputError):
+        refuse()
+    [found] = [each for each in client.search_experiments() if each.name == "mistyped"]
+    assert client.search_runs([found.experiment_id]) == []
+    assert not (tmp_path / RUN_FILE).exists()
+
+
+def test_a_user_without_a_name_is_a_number(store, client, tmp_path, monkeypatch):
+    """`docker run -u 12345`: no entry for the user, and no variable that names one."""
+    for name in ("LOGNAME", "USER", "LNAME", "USERNAME"):
+        monkeypatch.delenv(name, raising=False)
+    monkeypatch.setattr("pwd.getpwuid", {}.__getitem__)
+    with start(card(), tmp_path, tmp_path, uri=store) as track:
+        pass
+    assert client.get_run(track.run_id).data.tags["mlflow.user"] == str(os.getuid())
+
+
 def run_and_die(store, out):
     with start(card(), out, out, uri=store):
         os.kill(os.getpid(), signal.SIGKILL)

@@ -1,12 +1,16 @@
 """A store that cannot be used is named at once, with a way out."""
 
+import multiprocessing
+import os
+import signal
 import socket
 import time
 
 import pytest
+from filelock import FileLock
 
 from p2l.errors import TrackingError
-from p2l.tracking.store import connect, safe_uri
+from p2l.tracking.store import connect, experiment, safe_uri
 
 
 def test_the_default_store_lies_in_the_repository(tmp_path, monkeypatch):
@@ -61,3 +65,53 @@ def test_a_server_that_never_answers_does_not_hold_the_stage_up(tmp_path):
 def test_passwords_are_not_shown():
     assert safe_uri("postgresql://me:secret@host:5432/runs") == "postgresql://me:***@host:5432/runs"
     assert safe_uri("sqlite:///runs.db") == "sqlite:///runs.db"
+
+
+@pytest.mark.parametrize("name", ["feature%2Fdoor", "robot work", "it's", "Größe 機械", "a?b#c"])
+def test_a_checkout_may_have_any_name(tmp_path, monkeypatch, name):
+    """SQLAlchemy reads %2F as a slash, and MLflow tried for 105 s."""
+    monkeypatch.delenv("MLFLOW_TRACKING_URI", raising=False)
+    root = tmp_path / name
+    root.mkdir()
+    uri, client = connect(root)
+    assert (root / "mlflow.db").is_file()
+    run = client.create_run(experiment(client, uri, "test"))
+    client.log_text(run.info.run_id, "text", "a.txt")
+    assert (root / "mlartifacts" / "test").is_dir()
+
+
+def make_tables_until_killed(path):
+    """Die while MLflow makes the tables."""
+    from sqlalchemy import event
+    from sqlalchemy.engine import Engine
+
+    count = 0
+
+    def killing(*_):
+        nonlocal count
+        count += 1
+        if count == 40:
+            os.kill(os.getpid(), signal.SIGKILL)
+
+    event.listen(Engine, "before_cursor_execute", killing)
+    connect(path.parent, f"sqlite:///{path}")
+
+
+def test_a_store_whose_making_was_killed_is_made_by_the_next_run(tmp_path):
+    """No later run could use it: duplicate column name."""
+    path = tmp_path / "runs.db"
+    process = multiprocessing.get_context("spawn").Process(target=make_tables_until_killed, args=(path,))
+    process.start()
+    process.join()
+    assert process.exitcode == -signal.SIGKILL
+    assert not path.exists()
+    _, client = connect(tmp_path, f"sqlite:///{path}")
+    assert client.search_experiments()
+
+
+def test_nobody_waits_for_the_lock_of_a_store_that_is_there(tmp_path):
+    uri = f"sqlite:///{tmp_path / 'runs.db'}"
+    connect(tmp_path, uri)
+    with FileLock(f"{tmp_path / 'runs.db'}.lock"):
+        _, client = connect(tmp_path, uri)
+    assert client.search_experiments()

@@ -8,6 +8,8 @@ into plain data, `validate` turns plain data into a frozen model.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
+from typing import get_args
 
 from p2l.schema.base import StageConfig, resolve, validate
 from p2l.schema.chains import ChainRecoveriesConfig, EvaluateChainsConfig
@@ -40,7 +42,15 @@ SCHEMAS: Mapping[str, type[StageConfig]] = {
     "config": ConfigStageConfig,
 }
 
+PATHS = frozenset(
+    name
+    for schema in SCHEMAS.values()
+    for name, field in schema.model_fields.items()
+    if field.annotation is Path or Path in get_args(field.annotation)
+)  # fields that name a file or a folder
+
 __all__ = [
+    "PATHS",
     "SCHEMAS",
     "ChainRecoveriesConfig",
     "CheckPlanConfig",

@@ -12,6 +12,7 @@ import getpass
 import json
 import logging
 import math
+import os
 import subprocess
 import time
 from collections.abc import Callable, Iterator, Mapping
@@ -22,7 +23,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from p2l.artifacts import write_text
-from p2l.errors import TrackingError
+from p2l.errors import P2LError, TrackingError
 from p2l.tracking.store import connect, experiment, safe_uri
 
 if TYPE_CHECKING:
@@ -95,10 +96,11 @@ class MlflowTracker(Tracker):
     _paragraphs: list[str] = field(default_factory=list)
     _not_finite: set[str] = field(default_factory=set)
     _last_flush: float = field(default_factory=time.monotonic)
+    _has_records: bool = False
 
     def metrics(self, values: Mapping[str, float], step: int | None = None) -> None:
         """Buffer metrics. NaN and infinity are left out and named in the tag `not_finite`: MLflow garbles them."""
-        now = int(time.time() * 1000)
+        now, self._has_records = int(time.time() * 1000), True
         for name, value in values.items():
             number = float(value)
             if not math.isfinite(number):
@@ -112,10 +114,12 @@ class MlflowTracker(Tracker):
 
     def artifact(self, path: Path | str, folder: str | None = None) -> None:
         """Copy a file to the run's artifacts."""
+        self._has_records = True
         self._attempt(lambda: self.client.log_artifact(self.run_id, str(path), folder), f"artifact {path}")
 
     def note(self, markdown: str) -> None:
         """Add a paragraph to `mlflow.note.content`."""
+        self._has_records = True
         self._paragraphs.append(markdown)
 
     def flush(self) -> None:
@@ -128,6 +132,15 @@ class MlflowTracker(Tracker):
             if not self._attempt(lambda batch=batch: self.client.log_batch(self.run_id, metrics=batch), "metrics"):  # type: ignore[misc]
                 return
             del self._pending[: len(batch)]
+
+    @property
+    def is_blank(self) -> bool:
+        """Whether the run has recorded nothing yet."""
+        return not self._has_records
+
+    def discard(self) -> None:
+        """Delete the run."""
+        self._attempt(lambda: self.client.delete_run(self.run_id), "deletion")
 
     def finish(self, status: str) -> None:
         """Send everything, write the note and end the run."""
@@ -143,7 +156,8 @@ class MlflowTracker(Tracker):
         try:
             send()
         except Exception as error:  # MLflow, SQLAlchemy and requests each raise their own
-            log.warning("MLflow did not take %s of run %s: %s", what, self.run_id, str(error).split("\n")[0][:200])
+            reason = safe_uri(str(error).split("\n")[0][:200])
+            log.warning("MLflow did not take %s of run %s: %s", what, self.run_id, reason)
             return False
         return True
 
@@ -167,15 +181,24 @@ def start(card: RunCard, out: Path, root: Path, *, enabled: bool = True, uri: st
         return
     store, client = connect(root, uri)
     try:
-        run_id = _resume(client, card, out, store) or _create(client, card, store)
+        resumed = _resume(client, card, out, store)
+        run_id = resumed or _create(client, card, store)
         _describe(client, card, run_id, root)
     except Exception as error:
-        raise TrackingError(f"MLflow at {safe_uri(store)} refuses the run: {str(error)[:300]}") from error
+        raise TrackingError(f"MLflow at {safe_uri(store)} refuses the run: {safe_uri(str(error)[:300])}") from error
     record = {"run_id": run_id, "store": safe_uri(store), "config_hash": card.config_hash}
     write_text(out / RUN_FILE, json.dumps(record) + "\n")
-    tracker = MlflowTracker(client=client, card=card, run_id=run_id)
+    tracker = MlflowTracker(client=client, card=card, run_id=run_id, _has_records=resumed is not None)
     try:
         yield tracker
+    except P2LError as error:
+        if tracker.is_blank:  # a wrong input, refused before anything was computed, is no failed experiment
+            tracker.discard()
+            (out / RUN_FILE).unlink(missing_ok=True)
+            raise
+        tracker.note(f"Ended by `{type(error).__name__}`: {str(error)[:500]}")
+        tracker.finish("FAILED")
+        raise
     except BaseException as error:
         tracker.note(f"Ended by `{type(error).__name__}`: {str(error)[:500]}")
         tracker.finish("KILLED" if _was_stopped(error) else "FAILED")
@@ -258,6 +281,14 @@ def _note(card: RunCard, headline: Mapping[str, float], paragraphs: list[str]) -
     return f"**{card.stage}** {card.name}\n\nRun it again:\n```\n{card.command}\n```\n\n{table}{text}"
 
 
+def _user() -> str:
+    """The person's name, or the number of a user that this machine has no entry for, as in a container."""
+    try:
+        return getpass.getuser()
+    except (KeyError, OSError, ImportError):
+        return str(os.getuid()) if hasattr(os, "getuid") else "unknown"
+
+
 def _provenance(root: Path) -> dict[str, str]:
     """Commit, dirty flag and hash of `dvc.lock`; empty outside a git checkout."""
 
@@ -268,7 +299,7 @@ def _provenance(root: Path) -> dict[str, str]:
             return None
         return run.stdout.strip()
 
-    tags = {"mlflow.user": getpass.getuser(), "mlflow.source.type": "LOCAL"}
+    tags = {"mlflow.user": _user(), "mlflow.source.type": "LOCAL"}
     if commit := git("rev-parse", "HEAD"):
         tags |= {"git_commit": commit, "mlflow.source.git.commit": commit}
         tags["git_dirty"] = str(bool(git("status", "--porcelain", "--untracked-files=no"))).lower()

@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryFile
 from typing import TYPE_CHECKING
+from urllib.parse import quote, unquote
 
 from filelock import FileLock, Timeout
 
@@ -31,6 +32,11 @@ def safe_uri(uri: str) -> str:
     return re.sub(r"(://[^:/@]*):[^@/]*@", r"\1:***@", uri)
 
 
+def default_store(root: Path) -> str:
+    """URI of the sqlite store of a checkout; whatever its path holds."""
+    return f"sqlite:///{quote(str(root.resolve() / 'mlflow.db'))}"
+
+
 def connect(root: Path, uri: str | None = None) -> tuple[str, MlflowClient]:
     """A client of the store at `uri`, after a round trip to it.
 
@@ -44,7 +50,7 @@ def connect(root: Path, uri: str | None = None) -> tuple[str, MlflowClient]:
     Raises:
         TrackingError: the store cannot be reached, or cannot be written.
     """
-    store = uri or os.environ.get("MLFLOW_TRACKING_URI") or f"sqlite:///{root.resolve() / 'mlflow.db'}"
+    store = uri or os.environ.get("MLFLOW_TRACKING_URI") or default_store(root)
     if not store.startswith(("http:", "https:", "sqlite:", "postgresql", "mysql", "mssql", "databricks")):
         raise TrackingError(
             f"MLflow store '{safe_uri(store)}': given neither a database nor a server; "
@@ -52,14 +58,16 @@ def connect(root: Path, uri: str | None = None) -> tuple[str, MlflowClient]:
         )
     os.environ.setdefault("MLFLOW_DISABLE_TELEMETRY", "true")
     os.environ.setdefault("MLFLOW_LOGGING_LEVEL", "WARNING")
-    with _first_touch(store), _environment(_PROBE):
+    if (database := _database(store)) is not None:
+        _make_tables(database)
+    with _environment(_PROBE):
         try:
             from mlflow import MlflowClient
 
             client = MlflowClient(tracking_uri=store)
             client.search_experiments(max_results=1)
         except Exception as error:  # requests, SQLAlchemy and MLflow each raise their own
-            reason = str(error).strip().split("\n")[0][:160]
+            reason = safe_uri(str(error).strip().split("\n")[0][:160])
             raise TrackingError(f"MLflow at {safe_uri(store)} cannot be reached: {reason}. {_WAY_OUT}") from error
     return store, client
 
@@ -70,13 +78,12 @@ def experiment(client: MlflowClient, store: str, name: str) -> str:
 
     database = _database(store)
     place = (database.parent / "mlartifacts" / name).as_uri() if database else None
-    with _first_touch(store):
-        record = client.get_experiment_by_name(name)
-        if record is None:
-            try:
-                return str(client.create_experiment(name, artifact_location=place))
-            except MlflowException:  # another process was faster
-                record = client.get_experiment_by_name(name)
+    record = client.get_experiment_by_name(name)
+    if record is None:
+        try:
+            return str(client.create_experiment(name, artifact_location=place))
+        except MlflowException:  # another process was faster
+            record = client.get_experiment_by_name(name)
     if record is None or record.lifecycle_stage != "active":
         raise TrackingError(
             f"MLflow experiment '{name}' is deleted in {safe_uri(store)}; restore it or use another store"
@@ -89,23 +96,33 @@ def _database(store: str) -> Path | None:
     if not store.startswith("sqlite:"):
         return None
     path = store.partition("://")[2].removeprefix("/").partition("?")[0]
-    return Path(path).absolute() if path else None
+    return Path(unquote(path)).absolute() if path else None
 
 
-@contextmanager
-def _first_touch(store: str) -> Iterator[None]:
-    """Hold the lock of a sqlite store: processes that create its tables at the same time crash each other."""
-    database = _database(store)
-    if database is None:
-        yield
-        return
+def _make_tables(database: Path) -> None:
+    """Make the tables of a sqlite store that is not there yet, beside it, and move it into place.
+
+    Processes that made them at the same time would crash each other, and one that is killed in the middle would leave
+    a store that no later run can use. Where the store is there, nobody waits for anybody.
+    """
     if not database.parent.is_dir():
         raise TrackingError(f"MLflow store {database}: no such folder {database.parent}. {_WAY_OUT}")
+    if _has_tables(database):
+        _writable(database)
+        return
+    from mlflow import MlflowClient  # a second that nobody has to wait for with the lock
+
+    part = database.with_name(f".{database.name}.part")
     try:
         TemporaryFile(dir=database.parent).close()  # the lock would wait on a folder that refuses it
         with FileLock(f"{database}.lock", timeout=_LOCK_S):
-            _writable(database)
-            yield
+            if database.is_file():
+                _writable(database)
+            if _has_tables(database) or (database.is_file() and database.stat().st_size):
+                return
+            part.unlink(missing_ok=True)
+            MlflowClient(tracking_uri=f"sqlite:///{quote(str(part))}").search_experiments(max_results=1)
+            part.replace(database)
     except Timeout as error:
         raise TrackingError(
             f"{database}.lock is held for {_LOCK_S:.0f} s by another process; is one hanging?"
@@ -114,6 +131,19 @@ def _first_touch(store: str) -> Iterator[None]:
         raise TrackingError(
             f"MLflow store {database} cannot be written: {error.strerror or error}. {_WAY_OUT}"
         ) from error
+
+
+def _has_tables(database: Path) -> bool:
+    if not database.is_file():
+        return False
+    try:
+        connection = sqlite3.connect(f"{database.as_uri()}?mode=ro", uri=True, timeout=30.0)
+        try:
+            return bool(connection.execute("SELECT version_num FROM alembic_version").fetchall())
+        finally:
+            connection.close()
+    except sqlite3.Error:
+        return False
 
 
 def _writable(database: Path) -> None:

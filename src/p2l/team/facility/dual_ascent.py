@@ -10,11 +10,11 @@ Source: Erlenkotter, "A dual-based procedure for uncapacitated facility location
 
 from __future__ import annotations
 
-import numba as nb
 import numpy as np
 
 from p2l.records import Array, BoolArray
 from p2l.team.facility.alarm import Flag, silent
+from p2l.team.facility.kernel import kernel
 from p2l.team.facility.pairs import Pairs
 
 
@@ -36,7 +36,7 @@ def dual_ascent(pairs: Pairs, multipliers: Array | None = None, flag: Flag | Non
     return v, _suggest(pairs, v, slack)
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _slacks(pairs, v, front):
     """The slack of every facility [F]; `front` [D] becomes the first pair of each row whose cost is above v_i."""
     slack = pairs.opening.copy()
@@ -49,7 +49,7 @@ def _slacks(pairs, v, front):
     return np.maximum(slack, 0.0)  # rounding only: v is feasible
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _lift(pairs, i, v, slack, front):
     """Raise v_i to its next cost level or until a slack is used up; True when it may rise again."""
     row_end = pairs.start[i + 1]
@@ -69,7 +69,7 @@ def _lift(pairs, i, v, slack, front):
     return target < pairs.outside[i]
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _raise(pairs, v, flag):
     front = np.empty(v.size, dtype=np.int64)
     slack = _slacks(pairs, v, front)
@@ -88,7 +88,7 @@ def _raise(pairs, v, flag):
     return slack
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _suggest(pairs, v, slack):
     """Tight facilities that some demand needs: first those it has no other choice than, then its cheapest."""
     is_open = np.zeros(slack.size, dtype=np.bool_)

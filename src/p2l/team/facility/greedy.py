@@ -12,12 +12,12 @@ from __future__ import annotations
 
 import heapq
 
-import numba as nb
 import numpy as np
 
 from p2l.records import Array, BoolArray
 from p2l.team.facility.alarm import Flag, silent
 from p2l.team.facility.dual_ascent import dual_ascent
+from p2l.team.facility.kernel import kernel
 from p2l.team.facility.local_search import Columns, columns_of
 from p2l.team.facility.pairs import Pairs
 
@@ -72,7 +72,7 @@ def _serve_cheaper_stars(
             heapq.heappush(heap, (cost, j))
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _star(columns, opening, is_unserved, j):
     """Price and size of facility j's cheapest star among the unserved demands; its column is sorted by cost."""
     total, size, best, best_size = opening, 0, np.inf, 0
@@ -88,7 +88,7 @@ def _star(columns, opening, is_unserved, j):
     return best, best_size
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _serve(columns, is_unserved, price, j, size, cost):
     for p in range(columns.start[j], columns.start[j + 1]):
         i = columns.demand[p]

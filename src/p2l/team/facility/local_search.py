@@ -13,12 +13,12 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 import numpy.typing as npt
 
 from p2l.records import Array, BoolArray, IntArray
 from p2l.team.facility.alarm import Flag, silent
+from p2l.team.facility.kernel import kernel
 from p2l.team.facility.pairs import Pairs
 
 
@@ -65,7 +65,7 @@ def descend(
     return result
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def open_cost(pairs, is_open):
     """Cost of an open set [F], from scratch: opening, plus each demand at its cheapest open or outside service."""
     total = 0.0
@@ -82,7 +82,7 @@ def open_cost(pairs, is_open):
     return total
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _transpose(pairs):
     facility = pairs.facility
     start = np.zeros(pairs.opening.size + 1, dtype=np.int64)
@@ -99,7 +99,7 @@ def _transpose(pairs):
     return start, demand, cost
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _serve(pairs, is_open, service, i):
     """Find demand i's cheapest and second cheapest open service and book its share of the loss."""
     service.first[i], service.near[i], service.far[i] = -1, pairs.outside[i], np.inf
@@ -113,7 +113,7 @@ def _serve(pairs, is_open, service, i):
         service.loss[service.first[i]] += service.far[i] - service.near[i]
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _reassign(pairs, columns, is_open, service, j):
     """Serve again every demand that a change of facility j can concern."""
     for p in range(columns.start[j], columns.start[j + 1]):
@@ -124,7 +124,7 @@ def _reassign(pairs, columns, is_open, service, j):
             _serve(pairs, is_open, service, i)
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _judge(pairs, columns, service, j, relief, rivals):
     """Saving of inserting closed facility j, and the partner (-1: none) whose drop goes best with it.
 
@@ -152,7 +152,7 @@ def _judge(pairs, columns, service, j, relief, rivals):
     return saving, partner
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _descend(pairs, columns, is_open, usable, flag, threshold):
     demands, facilities = pairs.outside.size, is_open.size
     service = Service(np.empty(demands, np.int64), np.empty(demands), np.empty(demands), np.zeros(facilities))

@@ -12,12 +12,12 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import numba as nb
 import numpy as np
 import numpy.typing as npt
 
 from p2l.records import Array
 from p2l.team.facility.alarm import Flag, silent
+from p2l.team.facility.kernel import kernel
 from p2l.team.facility.pairs import Pairs
 
 State = npt.NDArray[np.int8]
@@ -72,12 +72,12 @@ def bound_of(pairs: Pairs, state: State, multipliers: Array) -> float:
     return float(_evaluate(pairs, state, np.minimum(multipliers, pairs.outside), *scratch))
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _is_open(state, reduced_cost, j):
     return state[j] == OPEN or (state[j] == FREE and reduced_cost[j] < 0.0)
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _evaluate(pairs, state, v, reduced_cost, residual):
     """L(v); fills the reduced costs [F] and the subgradient [D]: 1 - how often each demand is served."""
     start, facility, cost = pairs.start, pairs.facility, pairs.cost
@@ -102,7 +102,7 @@ def _evaluate(pairs, state, v, reduced_cost, residual):
     return total
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _move(outside, centre, mean, step, distance, trial):
     """Step from the centre along the averaged residual, cut at the outside costs; False when there is no direction."""
     norm = 0.0
@@ -117,7 +117,7 @@ def _move(outside, centre, mean, step, distance, trial):
     return True
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _average(state, reduced_cost, residual, mean, share, weight):
     """Mix the newest subproblem solution into the averages; returns its alignment with the old direction."""
     along, cross, own = 0.0, 0.0, 0.0
@@ -134,7 +134,7 @@ def _average(state, reduced_cost, residual, mean, share, weight):
     return along
 
 
-@nb.njit(cache=True, nogil=True)
+@kernel
 def _ascend(pairs, state, v, upper, step, iterations, progress, flag):
     demands, facilities = v.size, pairs.opening.size
     centre, trial = v.copy(), np.empty(demands)
