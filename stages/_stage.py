@@ -24,7 +24,7 @@ import sys
 import traceback
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 
 import hydra
 from hydra.core.hydra_config import HydraConfig
@@ -34,7 +34,7 @@ from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from yaml import YAMLError  # type: ignore[import-untyped]
 
-from p2l.artifacts import write_text
+from p2l.artifacts import config_hash, write_text
 from p2l.errors import P2LError
 from p2l.schema import PATHS, StageConfig, resolve, validate
 from p2l.text import printable
@@ -50,6 +50,15 @@ PARENT_VARIABLE = "P2L_PARENT_RUN"
 CONFIG_FILE, LOG_FILE = "config.yaml", "stage.log"
 _PATHS = PATHS | {"hydra.run.dir"}  # files and folders that a person names on the command line
 _ALWAYS = ("hydra.output_subdir=null", "hydra/job_logging=none")  # this module keeps the config and the log
+
+
+def _identity(_root_: DictConfig) -> str:
+    """Hash of a configuration, for the folder of a stage that goes on where it was stopped."""
+    plain = cast(dict[str, Any], OmegaConf.to_container(_root_, resolve=False))
+    return config_hash({key: value for key, value in plain.items() if key not in ("hydra", "tracking")})
+
+
+OmegaConf.register_new_resolver("identity", _identity, replace=True)
 
 
 class Terminated(BaseException):

@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 
 import pytest
+from hydra import compose, initialize_config_dir
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from mlflow import MlflowClient
 
@@ -266,3 +267,14 @@ def test_an_ascii_terminal_is_no_reason_to_fail(tmp_path):
     done = run("plan", *words, "tracking=disabled", PYTHONIOENCODING="ascii", PYTHONUTF8="0", LC_ALL="C")
     assert done.returncode == 0, done.stderr
     assert "Größe" in (tmp_path / "out/plan.csv").read_text(encoding="utf-8")
+
+
+def test_a_stage_that_goes_on_has_a_folder_of_its_configuration():
+    with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
+        folders = [
+            compose("chain_recoveries", words, return_hydra_config=True).hydra.run.dir
+            for words in ([], ["tracking=disabled"], ["seed=1"], ["world=shelf"])
+        ]
+    assert folders[0] == folders[1]
+    assert len(set(folders)) == 3
+    assert folders[0].startswith("outputs/app/pick_place-")  # compose knows no stage
