@@ -298,3 +298,16 @@ def test_table_3_2_shows_the_thesis_below_ours():
     assert ours[1].startswith("900 ± 141 [")
     assert thesis == ["– thesis", "856 ± 120.9", "1.2 ± 0.4"]
     assert len(averages(table, "cba_best", ["executed_cost"])) == 1
+
+
+@pytest.mark.parametrize("name", ["../../../secret.txt", "/etc/passwd", "link.mp4"])
+def test_a_film_outside_its_folder_is_not_embedded(tmp_path, name):
+    """The page embedded whatever file `videos.json` named."""
+    folder = tmp_path / "data/cluster/door/videos"
+    folder.mkdir(parents=True)
+    (tmp_path / "secret.txt").write_text("secret")
+    (folder / "link.mp4").symlink_to(tmp_path / "secret.txt")
+    index = {"videos": [{"file": name}], "skipped": None}
+    save_json(folder / "videos.json", index, schema="videos", version=1)
+    with pytest.raises(ArtifactError, match="lies outside its folder"):
+        Sources(tmp_path / "data", FOLDER, DOMAINS, WORLDS).videos("door")

@@ -125,10 +125,16 @@ class Sources:
         """(entry of `videos.json`, mp4) of each video, and the reason if there is none."""
         folder = self.data / stage / world / "videos"
         index = load_json(folder / "videos.json", schema="videos", version=1)
-        try:
-            return [(one, (folder / one["file"]).read_bytes()) for one in index["videos"]], index["skipped"]
-        except OSError as error:
-            raise ArtifactError(f"{folder}: {error}; run `dvc repro {stage}`") from error
+        films = []
+        for one in index["videos"]:
+            path = folder / str(one["file"])
+            if not path.resolve().is_relative_to(folder.resolve()):  # the page would embed any file of this machine
+                raise ArtifactError(f"{folder / 'videos.json'}: names '{one['file']}', which lies outside its folder")
+            try:
+                films.append((one, path.read_bytes()))
+            except OSError as error:
+                raise ArtifactError(f"{path}: cannot be read ({error.strerror}); run `dvc repro {stage}`") from error
+        return films, index["skipped"]
 
     def sheet(self, stage: str, domain: str, name: str) -> pd.DataFrame:
         """A CSV that a stage wrote."""
