@@ -19,7 +19,8 @@ def run(cfg: CheckPlanConfig, out: Path, track: Tracker) -> None:  # noqa: ARG00
     verdict = check_certificate(problem, read_plan(cfg.plan, problem))
     proof = "optimal" if verdict.optimal else f"at most {verdict.gap:.2%} of its cost above the optimum"
     track.metrics({"objective": verdict.cost, "lower_bound": verdict.bound, "gap": verdict.gap})
-    print(f"{cfg.plan}: costs {verdict.cost:,.6g}; no plan costs less than {verdict.bound:,.6g}: {proof}. All is so.")
+    tasks = f"{problem.n} tasks, order {problem.order}"
+    print(f"{cfg.plan}: {tasks}; costs {verdict.cost:,.6g}; no plan costs less than {verdict.bound:,.6g}: {proof}.")
 
 
 if __name__ == "__main__":

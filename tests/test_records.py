@@ -76,5 +76,5 @@ def test_freeze_accepts_exactly_what_is_in_range(value):
 
 
 def test_text_is_not_a_number():
-    with pytest.raises(ShapeError, match="not numbers"):
+    with pytest.raises(ShapeError, match="expected numbers"):
         freeze("cost", ["cheap"], ("N",), {})

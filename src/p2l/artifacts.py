@@ -150,6 +150,8 @@ def load_arrays(path: Path | str, *, schema: str, version: int) -> dict[str, Any
         with np.load(path, allow_pickle=False) as archive:
             arrays = {name: archive[name] for name in archive.files}
         meta = json.loads(arrays.pop(_META).tobytes())
+        if not isinstance(meta, dict):
+            raise ValueError("it does not say what it is")
     except (OSError, ValueError, KeyError, EOFError) as error:
         raise ArtifactError(f"{path}: not a p2l array artifact ({error})") from error
     except Exception as error:  # zipfile and zlib raise their own types on damaged data

@@ -38,12 +38,19 @@ def freeze(
     Raises:
         ShapeError: names the array, what was given and what is allowed.
     """
-    raw = np.asarray(value)
+    if isinstance(value, np.ma.MaskedArray) and np.ma.getmaskarray(value).any():
+        raise ShapeError(f"{name}: is masked; fill in what is missing")
+    try:
+        raw = np.asarray(value)
+    except ValueError as error:
+        raise ShapeError(f"{name}: its rows have different lengths; expected a rectangular array") from error
     if raw.dtype.kind == "c":
         raise ShapeError(f"{name}: holds complex numbers; expected real ones")
+    if raw.dtype.kind not in "biufO":
+        raise ShapeError(f"{name}: holds {raw.dtype} values; expected numbers")
     try:
         array = np.array(raw, dtype=dtype, order="C")
-    except (TypeError, ValueError) as error:
+    except (TypeError, ValueError, OverflowError) as error:
         raise ShapeError(f"{name}: holds {raw.dtype} values that are not numbers ({error})") from error
     if array.dtype.kind in "iu" and raw.dtype.kind == "f" and not np.array_equal(raw, array):
         raise ShapeError(f"{name}: holds values that are not whole numbers; expected integers")

@@ -5,15 +5,15 @@ from __future__ import annotations
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
 
 
-def printable(text: str) -> str:
-    r"""`text` with everything that a terminal would act on written out, line breaks excepted.
+def printable(text: str, *, lines: bool = True) -> str:
+    r"""`text` with everything that a terminal would act on written out; line breaks too without `lines`.
 
     Example:
         >>> from p2l.text import printable
         >>> print(printable("lid \x1b[31mred"))
         lid \x1b[31mred
     """
-    return "".join(each if each.isprintable() or each == "\n" else repr(each)[1:-1] for each in text)
+    return "".join(each if each.isprintable() or (lines and each == "\n") else repr(each)[1:-1] for each in text)
 
 
 def guarded_cell(text: str) -> str:

@@ -10,6 +10,8 @@ from pathlib import Path
 
 import pytest
 
+from tests import waiting
+
 ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -21,11 +23,7 @@ class Clone:
 
     def run(self, *command, check=True):
         """Run a command there; `python` and `dvc` are those of this environment."""
-        done = subprocess.run(
-            command, cwd=self.path, env=environment(), capture_output=True, text=True, timeout=900, check=False
-        )
-        assert not check or done.returncode == 0, f"{command}\n{done.stdout[-4000:]}\n{done.stderr[-4000:]}"
-        return done
+        return waiting.run(command, cwd=self.path, env=environment(), check=check)
 
     def commit(self):
         """Commit everything, so that `git status` shows what came later."""

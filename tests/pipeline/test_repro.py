@@ -10,7 +10,7 @@ import pytest
 import yaml
 from mlflow import MlflowClient
 
-from tests.pipeline.conftest import environment
+from tests.pipeline.conftest import Clone, environment
 
 STAGES = {
     "domains": ("collect", "fit_transfer", "plan", "evaluate_team"),
@@ -59,6 +59,17 @@ def test_a_second_run_does_nothing(clone):
     assert "Running stage" not in done.stdout
     assert (clone.path / "dvc.lock").read_text() == lock
     assert is_clean(clone)
+
+
+def test_what_is_pushed_and_pulled_is_up_to_date_elsewhere(clone, tmp_path):
+    """The report hashed the folders of training runs, which no clone has, and was stale after each pull."""
+    clone.run("dvc", "remote", "add", "--default", "--local", "beside", str(tmp_path / "remote"))
+    clone.run("dvc", "push")
+    other = Clone(tmp_path / "other")
+    clone.run("git", "clone", "--quiet", str(clone.path), str(other.path))
+    other.run("dvc", "remote", "add", "--default", "--local", "beside", str(tmp_path / "remote"))
+    other.run("dvc", "pull")
+    assert other.run("dvc", "status").stdout.strip() == "Data and pipelines are up to date."
 
 
 def test_hand_runs_and_sweeps_leave_dvc_and_git_alone(clone):

@@ -5,7 +5,6 @@ import os
 import re
 import shutil
 import signal
-import subprocess
 import sys
 from pathlib import Path
 
@@ -33,6 +32,7 @@ from p2l.schema import SCHEMAS, ChainRecoveriesConfig, resolve, validate
 from p2l.tracking import RunCard, Tracker, start
 from stages import _stage, chain_recoveries, cluster, discover, evaluate_chains, watch
 from stages.chain_recoveries import already
+from tests import waiting
 from tests.failures import pushing
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -370,7 +370,7 @@ def test_a_killed_training_goes_on_in_the_same_run(found, tmp_path):
     client = MlflowClient(tracking_uri=store)
     script = KILL.format(checkpoints=3)
     killed = [sys.executable, "-c", script, str(found), str(out), store]
-    ended = subprocess.run(killed, cwd=ROOT, capture_output=True, text=True, timeout=300, check=False)
+    ended = waiting.run(killed, cwd=ROOT)
     assert ended.returncode == -signal.SIGKILL, ended.stderr
     experiment = client.get_experiment_by_name("chain_recoveries").experiment_id
     before = {each.info.run_id for each in client.search_runs([experiment])}
@@ -405,7 +405,7 @@ def test_neither_threads_nor_hash_seeds_change_a_policy(found, tmp_path):
         out = tmp_path / threads
         known = {**os.environ, "OMP_NUM_THREADS": threads, "PYTHONHASHSEED": hash_seed}
         words = [sys.executable, "-c", LEARN, str(found), str(out)]
-        subprocess.run(words, cwd=ROOT, env=known, capture_output=True, timeout=600, check=True)
+        waiting.run(words, cwd=ROOT, env=known, check=True)
         policies.append((out / "policies/rc/s0/policy.safetensors").read_bytes())
     assert policies[0] == policies[1]
 

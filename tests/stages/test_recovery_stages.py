@@ -1,7 +1,6 @@
 """The stages fit_preconditions and learn_recoveries on a small push world: results, resumption, refusals."""
 
 import signal
-import subprocess
 import sys
 from dataclasses import replace
 
@@ -18,6 +17,7 @@ from p2l.failures.lost import lost
 from p2l.failures.record import load_failures, save_failures
 from p2l.metareskill.record import load_recoveries
 from p2l.preconditions.record import load_preconditions, save_preconditions
+from tests import waiting
 from tests.stages.recovering import ROOT, WORLD, PushSeen, found, learn, prepare
 
 RESULTS = ("rounds.csv", "figure_4_6.csv", "figure_4_7.csv", "choosers.csv")
@@ -130,7 +130,7 @@ def test_a_killed_training_goes_on_to_the_bit_in_the_same_runs(folder, tracked, 
     after = 17  # queries; the first chooser asks 16, the second what the first has not asked
     store = f"sqlite:///{tmp_path / 'runs.db'}"
     killed = [sys.executable, "-c", KILL.format(after=after), str(folder), str(tmp_path / "out"), store]
-    done = subprocess.run(killed, cwd=ROOT, capture_output=True, text=True, timeout=300, check=False)
+    done = waiting.run(killed, cwd=ROOT)
     assert done.returncode == -signal.SIGKILL, done.stderr
     client = MlflowClient(tracking_uri=store)
     experiment = client.get_experiment_by_name("learn_recoveries").experiment_id

@@ -15,6 +15,7 @@ from mlflow import MlflowClient
 
 from stages import collect
 from stages._stage import _arguments
+from tests import waiting
 
 ROOT = Path(__file__).resolve().parents[2]
 STAGES = sorted(path.stem for path in (ROOT / "stages").glob("[a-z]*.py"))
@@ -25,7 +26,7 @@ def run(*words, store="sqlite:////nowhere/runs.db", **environment):
     """Run `python -m stages.<words>` in the repository."""
     known = {**os.environ, "MLFLOW_TRACKING_URI": store, **environment}
     command = [sys.executable, "-m", f"stages.{words[0]}", *words[1:]]
-    return subprocess.run(command, cwd=ROOT, env=known, capture_output=True, text=True, timeout=300)
+    return waiting.run(command, cwd=ROOT, env=known)
 
 
 @pytest.mark.parametrize("name", STAGES)
@@ -129,7 +130,7 @@ def test_a_bug_keeps_its_traceback_and_is_not_taken_for_bad_input(tmp_path):
         f"hydra.run.dir={tmp_path / 'o'}",
     ]
     known = {**os.environ, "PYTHONPATH": str(ROOT)}
-    done = subprocess.run(command, cwd=tmp_path, env=known, capture_output=True, text=True, timeout=300)
+    done = waiting.run(command, cwd=tmp_path, env=known)
     assert done.returncode == 1
     assert "RuntimeError: bug" in done.stderr
 
@@ -164,7 +165,7 @@ def test_a_run_says_how_to_repeat_it_and_repeats(tmp_path):
     python, *words = done.data.tags["command"].split()
     (out / "transfer_data.npz").unlink()
     again = [sys.executable, *words]
-    subprocess.run(again, cwd=ROOT, env={**os.environ, "MLFLOW_TRACKING_URI": store}, check=True, timeout=300)
+    waiting.run(again, cwd=ROOT, env={**os.environ, "MLFLOW_TRACKING_URI": store}, check=True)
     assert python == "python"
     assert (out / "transfer_data.npz").read_bytes() == made
 
@@ -204,7 +205,7 @@ NEEDS = {
 @pytest.mark.parametrize("name", STAGES)
 def test_a_stage_imports_only_what_it_needs(name):
     code = f"import sys, stages.{name}; print(*sys.modules)"
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=300)
+    done = waiting.run([sys.executable, "-c", code], cwd=ROOT)
     assert done.returncode == 0, done.stderr
     assert HEAVY & set(done.stdout.split()) <= NEEDS[name]
 

@@ -1,13 +1,14 @@
 """The check that alone calls a plan optimal: what it accepts, and every lie that it refuses."""
 
 import dataclasses
+import math
 from itertools import product
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 
-from p2l.errors import SolverError
+from p2l.errors import ShapeError, SolverError
 from p2l.team import Certificate, Problem, objective, plan, solve_facility_location
 from p2l.team.certificate import check_certificate, check_facility_location, lagrangian_bound, proven_bound
 from tests.team.team_instances import dense, geometric, problems, random_transfer
@@ -212,3 +213,37 @@ def test_infinite_costs_mean_not_possible():
     best = plan(problem)
     assert (best.status, best.objective) == ("optimal", pytest.approx(200.0 + 50.0 + 10.0))
     assert check_certificate(problem, best).optimal
+
+
+def test_a_target_or_prices_that_are_no_numbers_prove_nothing():
+    """A target of NaN left every pair out, so that the sum of the outside options was proven, whatever the optimum."""
+    one = np.zeros(1, dtype=np.int64)
+    for target, v in ((math.nan, PROBLEM.outside), (0.0, np.full(50, -1.797e308)), (0.0, np.full(50, np.inf))):
+        with pytest.raises(ShapeError, match=r"target: is NaN|multipliers: hold"):
+            Certificate(v[None], one, one - 1, one - 1, one > 0, target)
+
+
+def test_a_bound_above_the_cost_is_refused_whoever_is_wrong(monkeypatch):
+    monkeypatch.setattr("p2l.team.certificate.tree_bound", lambda *_: PLAN.objective * 1.01)
+    with pytest.raises(SolverError, match=r"proves that nothing costs less than .*; this costs"):
+        check_certificate(PROBLEM, PLAN)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"status": "guaranteed best"}, "status 'guaranteed best' is unknown; known: optimal"),
+        ({"skill": changed(PLAN.skill, int((PLAN.skill < 0).argmax()), 2**63 - 1)}, "skill of task"),
+    ],
+)
+def test_words_and_numbers_out_of_range_are_refused(change, message):
+    with pytest.raises(SolverError, match=message):
+        check_certificate(PROBLEM, dataclasses.replace(PLAN, **change))
+
+
+def test_optimal_means_to_a_billionth():
+    one = np.ones(1)
+    problem = Problem(("a",), 10 * one, 100 * one, 1000 * one, 100 * (1 - 1.5e-9) * one, 0 * one, np.zeros((1, 1)))
+    worse = dataclasses.replace(plan(problem, "ad"), status="optimal", gap=0.99e-9, lower_bound=100 * (1 - 0.99e-9))
+    with pytest.raises(SolverError, match=r"status is 'optimal', but a gap of 1\.5e-09 is proven"):
+        check_certificate(problem, worse)

@@ -62,6 +62,7 @@ def test_spreadsheet_habits_are_understood(tmp_path):
         ("lid,10,100,100,200", "lid,inf,inf,100,", "orders.csv: task 'lid' cannot be done: nobody can do or teach it"),
         ("lid,10", "lid,1e300", "column 'c_rob': '1e300' is not allowed; give a cost of at least 0 and at most 1e100"),
         ("lid,10", "lid,1_0", "orders.csv, row 3, column 'c_rob': '1_0' is not a number"),
+        ("lid,10", '"l\rd",10', "orders.csv, row 4, column 'task': task 'l\\rd' holds a control character; remove it"),
         ("lid,10", "l\0d,10", "orders.csv, row 3, column 'task': task 'l\\x00d' holds a NUL character"),
         ("lid,10", "lid,-1", "orders.csv, row 3, column 'c_rob': '-1' is not allowed"),
         ("200,0.5", "200,1.5", "orders.csv, row 3, column 'pretrained': '1.5' is not allowed; give a probability"),
@@ -236,12 +237,28 @@ def test_a_plan_that_is_read_again_is_the_plan(tmp_path, planner):
     [
         ("plan.csv", lambda text: text[: len(text) // 2], InputError, "row|name each"),
         ("plan.csv", lambda text: text.replace(",learn,", ",dance,", 1), InputError, "is no row of a plan"),
-        ("plan.csv", lambda _: "", InputError, "does not name each of the 60 tasks once"),
+        ("plan.csv", lambda _: "", InputError, "row 1: is not order,task"),
+        ("plan.csv", lambda text: text.splitlines()[0], InputError, "does not name each of the 60 tasks once"),
+        (
+            "plan.json",
+            lambda text: text.replace('"n_learn": ', '"n_learn": 9'),
+            ArtifactError,
+            "n_learn is 9.*, but plan",
+        ),
+        (
+            "plan.json",
+            lambda text: text.replace('"objective": ', '"objective": 1' + 400 * "0"),
+            SolverError,
+            "objective",
+        ),
+        ("plan.json", lambda _: 100_000 * "[", ArtifactError, "cannot be read as a plan's summary"),
+        ("plan.csv", lambda text: text.replace("\n1,", "\n2,", 1), InputError, "its order is '2'"),
+        ("plan.csv", lambda text: text.replace("order,", "decision,", 1), InputError, "row 1: is not order,task"),
         ("plan.json", lambda text: text[:-9], ArtifactError, "cannot be read as a plan's summary"),
         ("plan.json", lambda _: "[]", ArtifactError, "is no summary of a plan"),
         ("plan.json", lambda text: text.replace('"optimal"', '"heuristic"'), SolverError, "status is 'heuristic'"),
         ("plan.json", lambda text: text.replace('"lower_bound": ', '"lower_bound": 9'), SolverError, "lower_bound is"),
-        ("plan.csv", lambda text: text.replace(",act,", ",delegate,", 1), SolverError, "but the problem gives"),
+        ("plan.csv", lambda text: text.replace(",act,", ",delegate,", 1), ArtifactError, "n_act is"),
     ],
 )
 def test_a_plan_that_was_tampered_with_is_refused(tmp_path, file, change, error, message):
@@ -275,7 +292,16 @@ def test_a_plan_of_other_tasks_is_refused(tmp_path):
         write_plan(tmp_path / "file", problem, plan(problem))
 
 
+@pytest.mark.parametrize("given", [None, "plan", 3])
+def test_what_is_no_plan_is_named(given):
+    for function in (explain, check_certificate):
+        with pytest.raises((ShapeError, SolverError), match="expected"):
+            function(thesis_set(3), given)
+
+
 def test_names_reach_the_terminal_written_out():
+    spoof = dataclasses.replace(thesis_set(3, np.ones((3, 3))), tasks=("a\nExpected cost 1.0", "b", "c"))
+    assert not [line for line in explain(spoof, plan(spoof)).splitlines() if line.startswith("Expected cost 1.0")]
     problem = dataclasses.replace(thesis_set(3, np.ones((3, 3))), tasks=("a\x1b[31m", "b", "c"))
     assert "a\\x1b[31m" in explain(problem, plan(problem))
     assert "\x1b" not in explain(problem, plan(problem))

@@ -217,6 +217,27 @@ def test_a_time_limit_ends_every_planner_with_a_plan_and_a_true_bound(planner):
         check_certificate(problem, result)
 
 
+@pytest.mark.parametrize(("planner", "n"), [("max_form", 41), ("strong", 61), ("highs", 101), ("facility", 30)])
+@pytest.mark.parametrize("limit_s", [float("inf"), 1e300, 10**400])
+def test_no_limit_is_a_limit_that_never_comes(planner, n, limit_s):
+    """An infinite one once was none at all, and 1e9 s an OverflowError."""
+    transfer = np.zeros((n, n))
+    transfer[0] = 1.0
+    assert plan(thesis_set(n, transfer), planner, time_limit_s=limit_s).status == "optimal"
+
+
+@pytest.mark.parametrize("theta", ["x", None, True])
+def test_a_threshold_is_a_number(theta):
+    with pytest.raises(ConfigError, match=r"theta: .* given; CBA's threshold is a probability"):
+        plan(thesis_set(3), "cba", theta=theta)
+
+
+def test_the_max_form_plans_where_no_failure_is_allowed():
+    one = np.ones(1)
+    problem = Problem(("a",), 0 * one, 2 * one, np.inf * one, 0 * one, one, np.eye(1))
+    assert plan(problem, "max_form").objective == 0.0
+
+
 def test_a_plan_that_does_a_task_in_no_possible_way_is_refused():
     one = np.ones(1)
     problem = Problem(("gear",), one, np.inf * one, np.inf * one, one, 0.5 * one, np.eye(1))

@@ -10,7 +10,7 @@ from mlflow import MlflowClient
 
 from p2l.errors import InputError
 from p2l.tracking import RUN_FILE, RunCard, open_sweep, start
-from p2l.tracking.runs import flatten
+from p2l.tracking.about import flatten
 
 
 def card(**changes):

@@ -10,6 +10,7 @@ Deviations from the thesis: 1. CBA asks for a demonstration when its confidence 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import cast
 
 import numpy as np
 
@@ -31,6 +32,8 @@ def confidence_based(problem: Problem, theta: float) -> IntArray:
     Raises:
         ConfigError: θ outside [0, 1].
     """
+    if isinstance(cast(object, theta), bool) or not isinstance(cast(object, theta), (int, float, np.number)):
+        raise ConfigError(f"theta: {theta!r} given; CBA's threshold is a probability in [0, 1]")
     if not 0.0 <= theta <= 1.0:
         raise ConfigError(f"theta: {theta} given; CBA's threshold is a probability in [0, 1]")
     return _walk(problem, lambda _, confidence: confidence <= theta)

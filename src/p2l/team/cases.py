@@ -149,7 +149,7 @@ def _start(instance: Instance, v: Array, gain: Array, low: float, target: float)
     for start in range(0, len(v), step):
         end = min(len(v), start + step)
         cost = instance.block(start, end)
-        row, column = np.nonzero((cost < instance.outside[start:end, None]) & (cost < target * (1.0 + _ROUNDING)))
+        row, column = np.nonzero((cost < instance.outside[start:end, None]) & ~(cost >= target * (1.0 + _ROUNDING)))
         pairs = decided._replace(demand=row + start, facility=column, cost=cost[row, column])
         rest = _without(pairs, v, gain, low, target)
         parts.append((rest.demand, rest.facility, rest.cost))
@@ -168,7 +168,7 @@ def _without(case: _Case, v: Array, gain: Array, low: float, target: float) -> _
     state[free & (low - gain >= target)] = _OPEN
     detour = np.where(state == _FREE, np.maximum(gain, 0.0), 0.0)[case.facility]
     detour += np.maximum(case.cost * (1.0 - _ROUNDING) - v[case.demand], 0.0)
-    left = (low + detour < target) & (state[case.facility] != _CLOSED)
+    left = ~(low + detour >= target) & (state[case.facility] != _CLOSED)  # what is not proven to be out stays
     return case._replace(state=state, demand=case.demand[left], facility=case.facility[left], cost=case.cost[left])
 
 

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import cast, get_args
 
 import numpy as np
 
@@ -56,6 +57,8 @@ def check_certificate(problem: Problem, plan: Plan) -> Verdict:
         >>> round(verdict.cost, 6), round(verdict.bound, 6)
         (15.0, 15.0)
     """
+    if not isinstance(cast(object, plan), Plan) or not isinstance(cast(object, problem), Problem):
+        raise SolverError(f"certificate: given {type(problem).__name__}, {type(plan).__name__}; expected Problem, Plan")
     if len(plan.decision) != problem.n:
         raise SolverError(f"certificate: a plan of {len(plan.decision)} tasks; the problem has {problem.n}")
     proof = _certificate_of(plan.certificate, problem.n)
@@ -63,8 +66,9 @@ def check_certificate(problem: Problem, plan: Plan) -> Verdict:
     for name in ("skill", "p_success", "expected_cost"):
         claim, truth = getattr(plan, name), getattr(outcome, name)
         scale = np.abs(truth) if name == "expected_cost" else 1.0
-        if not bool((np.abs(claim - truth) <= PROVEN * scale).all()):
-            task = int((~(np.abs(claim - truth) <= PROVEN * scale)).argmax())
+        so = claim == truth if name == "skill" else np.abs(claim - truth) <= PROVEN * scale
+        if not bool(so.all()):
+            task = int((~so).argmax())
             raise SolverError(
                 f"certificate: {name} of task '{problem.tasks[task]}' is {claim[task]}, but the problem gives "
                 f"{truth[task]}"
@@ -140,13 +144,19 @@ def _certificate_of(certificate: Certificate | None, demands: int) -> Certificat
 
 
 def _refuse_claims(verdict: Verdict, lower_bound: float, gap: float, status: Status) -> None:
+    if not verdict.bound <= verdict.cost * (1.0 + PROVEN):
+        raise SolverError(
+            f"certificate: proves that nothing costs less than {verdict.bound}; this costs {verdict.cost}"
+        )
+    if status not in get_args(Status):
+        raise SolverError(f"certificate: status {status!r} is unknown; known: {', '.join(get_args(Status))}")
     if not lower_bound <= verdict.bound + PROVEN * abs(verdict.cost):  # NaN is refused, too
         raise SolverError(f"certificate: lower_bound is {lower_bound}, but {verdict.bound} is proven")
     if not abs(gap - relative_gap(verdict.cost, lower_bound)) <= PROVEN:
         raise SolverError(
             f"certificate: gap is {gap}, but cost and bound give {relative_gap(verdict.cost, lower_bound)}"
         )
-    if (status == "optimal") != (gap <= PROVEN) or (status == "optimal" and verdict.gap > 2.0 * PROVEN):
+    if (status == "optimal") != (gap <= PROVEN) or (status == "optimal" and verdict.gap > 1.01 * PROVEN):
         raise SolverError(f"certificate: status is '{status}', but a gap of {verdict.gap:.2g} is proven")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,6 +13,8 @@ import numpy as np
 from p2l.errors import ConfigError
 from p2l.records import IntArray
 from p2l.team.problem import Certificate
+
+_LONGEST_S = 1e6  # eleven days, as good as no limit; the operating system's timers end somewhere
 
 
 @dataclass(frozen=True)
@@ -57,9 +60,11 @@ def check_stopping(time_limit_s: object, gap: object) -> tuple[float, float]:
     for name, value in numbers.items():
         if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
             raise ConfigError(f"{name}: {value!r} given; expected a number")
+        if isinstance(value, int) and abs(value) > _LONGEST_S:
+            numbers[name] = math.inf if value > 0 else -math.inf
     limit_s, relative = (float(cast(float, value)) for value in numbers.values())
     if not limit_s > 0.0:
         raise ConfigError(f"time_limit_s: {time_limit_s} given; it must be above 0")
     if not 0.0 <= relative < 1.0:
         raise ConfigError(f"gap: {gap} given; it is relative and must lie in [0, 1)")
-    return limit_s, relative
+    return min(limit_s, _LONGEST_S), relative

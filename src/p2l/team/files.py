@@ -134,6 +134,8 @@ def _names(path: Path, cells: list[tuple[int, str]], column: str | None, what: s
             raise InputError.at(path, line, column, f"a {what} has no name; name it")
         if "\0" in name:
             raise InputError.at(path, line, column, f"{what} {name!r} holds a NUL character; remove it")
+        if any(ord(each) < 32 or 127 <= ord(each) < 160 for each in name):
+            raise InputError.at(path, line, column, f"{what} {name!r} holds a control character; remove it")
         if name in earlier:
             raise InputError.at(path, line, column, f"{what} '{name}' appears twice; keep one")
         earlier.add(name)

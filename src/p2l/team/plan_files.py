@@ -20,6 +20,7 @@ from p2l.text import guarded_cell, printable
 
 TABLE, SUMMARY, PROOF = "plan.csv", "plan.json", "certificate.npz"
 _NUMBERS = ("p_success", "expected_cost")
+_COLUMNS = ["order", "task", "decision", "skill", *_NUMBERS]
 _CERTIFICATE = ("multipliers", "row", "parent", "facility", "is_open", "target")
 _NAMES = 4  # tasks that a row of the table of reasons names; the rest are counted
 
@@ -52,7 +53,7 @@ def write_plan(folder: Path | str, problem: Problem, plan: Plan) -> None:
         raise ArtifactError(f"{folder}: is a file; give a folder to write the plan into")
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(["order", "task", "decision", "skill", "p_success", "expected_cost"])
+    writer.writerow(_COLUMNS)
     for place, task in enumerate(plan.sequence.tolist(), start=1):
         skill = int(plan.skill[task])
         decision = Decision(int(plan.decision[task])).name.lower()
@@ -102,13 +103,18 @@ def read_plan(folder: Path | str, problem: Problem) -> Plan:
     index = {guarded_cell(name): place for place, name in enumerate(problem.tasks)} | {"": -1}
     try:
         with table.open(encoding="utf-8", newline="") as stream:
-            rows = list(csv.DictReader(stream, strict=True))
+            header, *lines = list(csv.reader(stream, strict=True)) or [[]]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise ArtifactError(f"{table}: cannot be read as a plan ({error}); plan again") from error
+    if header != _COLUMNS:
+        raise InputError.at(table, 1, None, f"is not {','.join(_COLUMNS)}")
     columns: dict[str, list[float]] = {name: [0.0] * problem.n for name in ("decision", "skill", *_NUMBERS)}
     sequence = []
-    for line, row in enumerate(rows, start=2):
+    for line, cells in enumerate(lines, start=2):
         try:
+            row = dict(zip(_COLUMNS, cells, strict=True))
+            if row["order"] != str(line - 1):
+                raise ValueError(f"its order is '{row['order']}'")
             task = index[row["task"]]
             columns["decision"][task] = Decision[row["decision"].upper()]
             columns["skill"][task] = index[row["skill"]]
@@ -119,6 +125,11 @@ def read_plan(folder: Path | str, problem: Problem) -> Plan:
         sequence.append(task)
     if sorted(sequence) != list(range(problem.n)):
         raise InputError.at(table, None, None, f"does not name each of the {problem.n} tasks once")
+    counts = {f"n_{kind.name.lower()}": columns["decision"].count(kind) for kind in Decision} | {"n_tasks": problem.n}
+    if wrong := [name for name, count in counts.items() if summary.get(name) != count]:
+        raise ArtifactError(
+            f"{Path(folder) / SUMMARY}: {wrong[0]} is {summary.get(wrong[0])!r}, but {TABLE} has {counts[wrong[0]]}"
+        )
     return Plan(
         planner=str(summary["planner"]),
         status=cast(Status, summary["status"]),
@@ -150,7 +161,7 @@ def planned_order(folder: Path | str) -> Order:
 def _summary(path: Path) -> Mapping[str, Any]:
     try:
         summary = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         raise ArtifactError(f"{path}: cannot be read as a plan's summary ({error}); plan again") from error
     if not isinstance(summary, dict) or not {"planner", "status", "objective", "lower_bound", "gap"} <= set(summary):
         raise ArtifactError(f"{path}: is no summary of a plan; plan again")
@@ -159,7 +170,12 @@ def _summary(path: Path) -> Mapping[str, Any]:
 
 def _float(summary: Mapping[str, Any], name: str) -> float:
     value = summary.get(name)
-    return float(value) if isinstance(value, (int, float)) else math.nan  # which the check refuses
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return math.nan  # which the check refuses
+    try:
+        return float(value)
+    except OverflowError:
+        return math.nan
 
 
 def _certificate(path: Path) -> Certificate | None:
@@ -168,12 +184,16 @@ def _certificate(path: Path) -> Certificate | None:
     arrays = load_arrays(path, schema="certificate", version=1)
     try:
         multipliers, row, parent, facility, is_open, target = (arrays[name] for name in _CERTIFICATE)
+        if target.shape:
+            raise ValueError("its target is no number")
         return Certificate(multipliers, row, parent, facility, is_open, float(target))
-    except (KeyError, TypeError, ShapeError) as error:
+    except (KeyError, TypeError, ValueError, ShapeError) as error:
         raise ArtifactError(f"{path}: is no certificate ({error}); plan again") from error
 
 
 def _same_size(problem: Problem, plan: Plan) -> None:
+    if not isinstance(cast(object, problem), Problem) or not isinstance(cast(object, plan), Plan):
+        raise ShapeError(f"given a {type(problem).__name__} and a {type(plan).__name__}; expected a Problem and a Plan")
     if len(plan.decision) != problem.n:
         raise ShapeError(f"plan: is of {len(plan.decision)} tasks; the problem has {problem.n}")
 
@@ -202,10 +222,10 @@ def explain(problem: Problem, plan: Plan) -> str:
         users = [task for task in plan.sequence.tolist() if plan.skill[task] == lesson and task != lesson]
         group = [lesson, *users]
         before, now = float(without[group].sum()), float(plan.expected_cost[group].sum())
-        names = [printable(problem.tasks[task]) for task in users]
+        names = [printable(problem.tasks[task], lines=False) for task in users]
         listing = ", ".join(names[:_NAMES]) + (f" and {len(names) - _NAMES} more" if len(names) > _NAMES else "")
         numbers = [f"{value:,.1f}" for value in (before, now, before - now)]
-        name = printable(problem.tasks[lesson])
+        name = printable(problem.tasks[lesson], lines=False)
         rows.append((name, f"{problem.c_demo[lesson]:,.1f}", listing or "itself only", *numbers))
     counts = ", ".join(f"{plan.count(kind)} {kind.name.lower()}" for kind in Decision)
     total = f"Expected cost {plan.objective:,.1f} ({_proof(plan)}); without any lesson {alone:,.1f}. {counts}."

@@ -6,7 +6,7 @@ Axis letters of this room: n tasks, D demands, F facilities, Z useful pairs. Cos
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Literal, cast
@@ -20,6 +20,8 @@ from p2l.records import Array, BoolArray, IntArray, freeze
 Order = Literal["fixed", "any"]
 Status = Literal["optimal", "feasible", "time_limit", "heuristic"]
 ORDERS: tuple[str, ...] = ("fixed", "any")
+LARGEST = 1e100  # sums of larger costs overflow; infinity stands for what is not possible
+_FAR = 1e120  # no multiplier that proves anything is beyond it, and sums of such do not overflow
 
 
 class Decision(IntEnum):
@@ -52,8 +54,8 @@ class Problem:
         order: "fixed" (only earlier lessons help) or "any" (the planner may put every lesson first, section 6.2.1).
 
     Raises:
-        ShapeError: a wrong shape, NaN, a negative cost, a probability outside [0, 1], a repeated name, a task that
-            nobody can do, costs whose sum overflows.
+        ShapeError: a wrong shape, NaN, a negative cost, one above 1e100 that is not infinite, a probability outside
+            [0, 1], a repeated name, a task that nobody can do.
 
     Example:
         Two tasks that the robot cannot do yet; a lesson on one carries over to the other nine times in ten.
@@ -80,26 +82,24 @@ class Problem:
 
     def __post_init__(self) -> None:
         put = object.__setattr__
-        if isinstance(cast(object, self.tasks), str):
-            raise ShapeError(f"tasks: one text {self.tasks!r} given; expected a list of names")
+        given: object = self.tasks
+        if isinstance(given, (str, bytes, set, frozenset, Mapping)) or not isinstance(given, Iterable):
+            raise ShapeError(f"tasks: {given!r} given; expected a list of names, in work order")
         put(self, "tasks", tuple(str(name) for name in self.tasks))
+        if bad := [name for name in self.tasks if not name or any("\ud800" <= each <= "\udfff" for each in name)]:
+            raise ShapeError(f"tasks: {bad[0]!r} is no name; give every task one that can be written")
         if not self.tasks:
             raise ShapeError("tasks: none given; a problem needs at least one task")
         if len(set(self.tasks)) < len(self.tasks):
             twice = next(name for name in self.tasks if self.tasks.count(name) > 1)
             raise ShapeError(f"tasks: '{twice}' appears more than once; give every task its own name")
-        if self.order not in ORDERS:
+        if not isinstance(cast(object, self.order), str) or self.order not in ORDERS:
             raise ShapeError(f"order: '{self.order}' is unknown; use one of {list(ORDERS)}")
         sizes = {"n": self.n}
         for name in ("c_rob", "c_hum", "c_fail", "c_demo"):
             put(self, name, freeze_cost(name, getattr(self, name), ("n",), sizes))
         put(self, "pretrained", freeze("pretrained", self.pretrained, ("n",), sizes, low=0.0, high=1.0))
         put(self, "transfer", freeze("transfer", self.transfer, ("n", "n"), sizes, low=0.0, high=1.0))
-        costs = np.stack([self.c_rob, self.c_hum, self.c_fail, self.c_demo])
-        with np.errstate(over="ignore"):
-            total = float(costs.sum(where=np.isfinite(costs)))
-        if not math.isfinite(total):
-            raise ShapeError("costs: their sum overflows; express them in a larger unit")
         self._refuse_impossible_tasks()
 
     def _refuse_impossible_tasks(self) -> None:
@@ -180,6 +180,10 @@ class Certificate:
         for name in ("parent", "facility"):
             put(self, name, freeze(name, getattr(self, name), ("T",), sizes, np.int64, low=-1))
         put(self, "is_open", freeze("is_open", self.is_open, ("T",), sizes, np.bool_))
+        if not bool((np.abs(self.multipliers) <= _FAR).all()):
+            raise ShapeError(f"multipliers: hold {np.abs(self.multipliers).max()}; expected at most {_FAR:g}")
+        if math.isnan(self.target):
+            raise ShapeError("target: is NaN; expected the bound that the tree is to prove")
 
     @classmethod
     def of(cls, multipliers: Array) -> Certificate:
@@ -204,7 +208,8 @@ class Plan:
         objective: their sum.
         lower_bound: no plan of this problem costs less; what the certificate proves, rounding counted against it.
         gap: (objective - lower_bound) / objective, 0 when the objective is 0.
-        seconds: wall time of the planner, without loading (and on a fresh installation compiling) its kernels.
+        seconds: wall time of the planner; the first call of a process also loads (on a fresh installation compiles) its
+            kernels, or its solver.
         certificate: the proof of `lower_bound`, for `certificate.check_certificate`.
 
     Example:
@@ -252,7 +257,7 @@ class FacilitySolution:
         cost: opening plus service cost, recomputed from the input.
         lower_bound: as in `Plan`.
         status: as in `Plan`.
-        seconds: wall time, without loading the kernels.
+        seconds: wall time, as in `Plan`.
         certificate: the proof of `lower_bound`.
     """
 
@@ -279,6 +284,10 @@ def freeze_cost(name: str, value: npt.ArrayLike, shape: tuple[int | str, ...], s
     array: Array = freeze(name, value, shape, sizes, low=0.0, finite=False)
     if np.isnan(array).any():
         raise ShapeError(f"{name}: holds NaN at {np.argwhere(np.isnan(array))[0].tolist()}")
+    if (largest := array.max(initial=0.0, where=np.isfinite(array))) > LARGEST:
+        raise ShapeError(
+            f"{name}: holds {largest}; expected values of at most 1e+100, or infinity for what is not possible"
+        )
     return array
 
 

@@ -8,22 +8,19 @@ configuration in the same folder continues it. MLflow is imported only when trac
 
 from __future__ import annotations
 
-import getpass
 import json
 import logging
 import math
-import os
-import subprocess
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from hashlib import blake2b
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from p2l.artifacts import write_text
 from p2l.errors import P2LError, TrackingError
+from p2l.tracking.about import VALUE_LIMIT, RunCard, flatten, note_of, provenance
 from p2l.tracking.store import connect, experiment, safe_uri
 
 if TYPE_CHECKING:
@@ -31,36 +28,8 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 RUN_FILE = "run.json"
-_KEY_LIMIT, _VALUE_LIMIT, _PARAMS_PER_BATCH, _METRICS_PER_BATCH = 250, 6000, 100, 1000  # MLflow's own limits
+_PARAMS_PER_BATCH, _METRICS_PER_BATCH = 100, 1000  # MLflow's own limits
 _FLUSH_AT, _FLUSH_EVERY_S = 500, 10.0
-
-
-@dataclass(frozen=True)
-class RunCard:
-    """What identifies a run.
-
-    Attributes:
-        stage: the MLflow experiment.
-        world, method, seed: give the run its name and three of its tags.
-        config: the resolved configuration, plain data.
-        config_hash: its hash; where metrics go should not be part of it.
-        command: runs it again.
-        parent: run id of the sweep that this run belongs to, or None.
-    """
-
-    stage: str
-    world: str
-    method: str
-    seed: int
-    config: Mapping[str, Any]
-    config_hash: str
-    command: str
-    parent: str | None = None
-
-    @property
-    def name(self) -> str:
-        """The run's name, `<world>-<method>-s<seed>`."""
-        return f"{self.world}-{self.method}-s{self.seed}"
 
 
 class Tracker:
@@ -147,8 +116,8 @@ class MlflowTracker(Tracker):
         self.flush()
         if self._not_finite:
             names = ", ".join(sorted(self._not_finite))
-            self._attempt(lambda: self.client.set_tag(self.run_id, "not_finite", names[:_VALUE_LIMIT]), "tag")
-        text = _note(self.card, self._headline, self._paragraphs)[:_VALUE_LIMIT]
+            self._attempt(lambda: self.client.set_tag(self.run_id, "not_finite", names[:VALUE_LIMIT]), "tag")
+        text = note_of(self.card, self._headline, self._paragraphs)[:VALUE_LIMIT]
         self._attempt(lambda: self.client.set_tag(self.run_id, "mlflow.note.content", text), "note")
         self._attempt(lambda: self.client.set_terminated(self.run_id, status), "end of run")
 
@@ -218,10 +187,10 @@ def open_sweep(
 ) -> tuple[str, Callable[[str], None]]:
     """Create the parent run of a sweep; returns its id and a function that ends it with a status."""
     store, client = connect(root, uri)
-    tags = {"mlflow.runName": name, "stage": stage, "kind": "sweep", **_provenance(root)}
+    tags = {"mlflow.runName": name, "stage": stage, "kind": "sweep", **provenance(root)}
     run = client.create_run(experiment(client, store, stage), tags=tags, run_name=name)
     note = f"Parent of a sweep; its jobs are below.\n\n```\n{command}\n```"
-    client.set_tag(run.info.run_id, "mlflow.note.content", note[:_VALUE_LIMIT])
+    client.set_tag(run.info.run_id, "mlflow.note.content", note[:VALUE_LIMIT])
     return run.info.run_id, lambda status: client.set_terminated(run.info.run_id, status)
 
 
@@ -251,58 +220,9 @@ def _describe(client: MlflowClient, card: RunCard, run_id: str, root: Path) -> N
     from mlflow.entities import Param, RunTag
 
     about = {"stage": card.stage, "world": card.world, "method": card.method, "seed": str(card.seed)}
-    about |= {"config_hash": card.config_hash, "command": card.command, "mlflow.note.content": _note(card, {}, [])}
-    tags = [RunTag(key, value[:_VALUE_LIMIT]) for key, value in (about | _provenance(root)).items()]
+    about |= {"config_hash": card.config_hash, "command": card.command, "mlflow.note.content": note_of(card, {}, [])}
+    tags = [RunTag(key, value[:VALUE_LIMIT]) for key, value in (about | provenance(root)).items()]
     params = [Param(key, value) for key, value in flatten(card.config).items()]
     client.log_batch(run_id, tags=tags)
     for first in range(0, len(params), _PARAMS_PER_BATCH):
         client.log_batch(run_id, params=params[first : first + _PARAMS_PER_BATCH])
-
-
-def flatten(config: Mapping[str, Any], prefix: str = "") -> dict[str, str]:
-    """Dotted keys and short text values that MLflow accepts as params; a key that is too long ends in its hash."""
-    flat: dict[str, str] = {}
-    for name, value in config.items():
-        key = f"{prefix}{name}"
-        if isinstance(value, Mapping) and value:
-            flat |= flatten(value, f"{key}.")
-            continue
-        if len(key) > _KEY_LIMIT:
-            key = f"{key[: _KEY_LIMIT - 9]}-{blake2b(key.encode(), digest_size=4).hexdigest()}"
-        text = value if isinstance(value, str) else json.dumps(value, default=str)
-        flat[key] = text if len(text) <= _VALUE_LIMIT else text[: _VALUE_LIMIT - 1] + "…"
-    return flat
-
-
-def _note(card: RunCard, headline: Mapping[str, float], paragraphs: list[str]) -> str:
-    rows = "\n".join(f"| {name} | {value:.6g} |" for name, value in headline.items())
-    table = f"| metric | value |\n| --- | --- |\n{rows}\n\n" if rows else ""
-    text = "\n\n".join(paragraphs)
-    return f"**{card.stage}** {card.name}\n\nRun it again:\n```\n{card.command}\n```\n\n{table}{text}"
-
-
-def _user() -> str:
-    """The person's name, or the number of a user that this machine has no entry for, as in a container."""
-    try:
-        return getpass.getuser()
-    except (KeyError, OSError, ImportError):
-        return str(os.getuid()) if hasattr(os, "getuid") else "unknown"
-
-
-def _provenance(root: Path) -> dict[str, str]:
-    """Commit, dirty flag and hash of `dvc.lock`; empty outside a git checkout."""
-
-    def git(*arguments: str) -> str | None:
-        try:
-            run = subprocess.run(["git", *arguments], cwd=root, capture_output=True, text=True, check=True, timeout=20)
-        except (OSError, subprocess.SubprocessError):
-            return None
-        return run.stdout.strip()
-
-    tags = {"mlflow.user": _user(), "mlflow.source.type": "LOCAL"}
-    if commit := git("rev-parse", "HEAD"):
-        tags |= {"git_commit": commit, "mlflow.source.git.commit": commit}
-        tags["git_dirty"] = str(bool(git("status", "--porcelain", "--untracked-files=no"))).lower()
-    if (lock := root / "dvc.lock").is_file():
-        tags["dvc_lock"] = blake2b(lock.read_bytes(), digest_size=8).hexdigest()
-    return tags
