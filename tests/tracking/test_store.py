@@ -26,7 +26,7 @@ def test_the_default_store_lies_in_the_repository(tmp_path, monkeypatch):
         ("http://127.0.0.1:9", "cannot be reached"),
         ("sqlite:////nowhere/at/all/runs.db", "no such folder /nowhere/at/all"),
         ("runs", "neither a database nor a server"),
-        ("file:///tmp/runs", "neither a database nor a server"),
+        ("file:///runs", "neither a database nor a server"),
         ("https://[bad", "cannot be reached"),
         ("postgresql://user:secret@127.0.0.1:9/runs", "cannot be reached"),
     ],
