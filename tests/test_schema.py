@@ -37,7 +37,7 @@ def test_draws_are_a_count_or_refused_by_name(draws):
 def test_an_unknown_key_is_refused_with_those_allowed(key):
     with pytest.raises(ConfigError, match="unknown key") as caught:
         collect(**{key: 1})
-    assert "allowed: domain, draws, n_tasks, n_taught, seed, tracking" in str(caught.value)
+    assert "allowed: domain, draws, n_tasks, n_taught, records, seed, tracking" in str(caught.value)
 
 
 @given(st.sampled_from(sorted(GOOD)), st.integers(-3, 50), st.integers(-3, 50))

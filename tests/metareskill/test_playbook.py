@@ -8,7 +8,7 @@ from numpy.testing import assert_array_equal
 
 from p2l.errors import ArtifactError, ConfigError
 from p2l.metareskill.episodes import EpisodeLedger, Place, episodes
-from p2l.metareskill.record import load_recoveries, save_recoveries
+from p2l.metareskill.record import load_recoveries, recoveries_hash, save_recoveries
 from p2l.metareskill.strategies import STRATEGIES, playbook
 from p2l.skills.chain import FINISH, Moments
 from tests.metareskill import pushing_back as pb
@@ -135,6 +135,16 @@ def test_unknown_strategies_and_missing_skills_are_refused(made):
         book(made, "pray")
     with pytest.raises(ConfigError, match="needs failure modes"):
         book(made, "recoveries", skills=None)
+
+
+def test_recoveries_are_known_by_their_trainings_and_not_by_last_bits(made):
+    _, task, _, classifier, _ = made
+    learnt = pb.recoveries(task, classifier, BEST)
+    near = {key: replace(skill, parameters=np.nextafter(skill.parameters, 1.0)) for key, skill in learnt.skills.items()}
+    elsewhere = replace(learnt, skills=near)
+    assert recoveries_hash(elsewhere) != recoveries_hash(learnt)
+    one, other = (replace(learnt, origin=origin) for origin in ("one", "other"))
+    assert recoveries_hash(replace(elsewhere, origin="one")) == recoveries_hash(one) != recoveries_hash(other)
 
 
 def test_recoveries_of_another_cluster_file_or_world_are_refused(made, tmp_path):

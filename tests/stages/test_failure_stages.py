@@ -10,11 +10,13 @@ import pandas as pd
 import pytest
 from hydra import compose, initialize_config_dir
 
+from p2l.archive import digest_of
 from p2l.artifacts import load_arrays, load_json
 from p2l.errors import ArtifactError, ConfigError
 from p2l.evaluation.video.player import NoGLError, backend
 from p2l.failures.classifier import load_modes
-from p2l.failures.record import load_failures, open_world
+from p2l.failures.record import load_failures, open_world, save_failures
+from p2l.ledger import Item, write
 from p2l.schema import SCHEMAS, resolve, validate
 from p2l.tracking import Tracker
 from stages import cluster, discover, watch
@@ -198,3 +200,38 @@ def test_a_mistake_is_one_message_and_leaves_nothing(tmp_path, monkeypatch, caps
     assert "Traceback" not in message
     assert [part for part in parts if part not in message] == []
     assert not out.exists()
+
+
+def test_files_come_from_the_records_and_films_are_made_again(tmp_path):
+    """On another processor a failure more or less was found, so that no committed ledger was valid there."""
+    records, one, two = tmp_path / "records", tmp_path / "one", tmp_path / "two"
+    kept = {"records": str(records)}
+    told = run("discover", one, executions={"train": 6, "held_out": 4}, **kept)
+    changed = load_json(records / "push-discover-s0-b0.json", schema="item_record", version=1)
+    failures = load_failures(one / "failures_train.npz")
+    save_failures(one / "failures_train.npz", failures.take(range(len(failures) - 1)))  # as another processor found
+    [folder] = (records / "files").iterdir()
+    shutil.copy(one / "failures_train.npz", folder)
+    content = changed["content"]["files"] | {"failures_train.npz": digest_of(one / "failures_train.npz")}
+    write(records, Item("push", "discover", 0, 0, changed["config_hash"]), {"files": content}, seconds=0.0)
+    again = run("discover", two, executions={"train": 6, "held_out": 4}, slots=2, **kept)
+    assert len(load_failures(two / "failures_train.npz")) == len(failures) - 1
+    assert {name: value for name, value in told.values.items() if "_per_s" not in name and name != "seconds"} == (
+        again.values
+    )
+    group = {"modes": {"pessimistic": 1, "early_termination": 1, "first_flag": 1}, "videos": False, **of(one), **kept}
+    run("cluster", tmp_path / "three", **group)
+    labels = (tmp_path / "three" / "labels.npz").read_bytes()
+    told = run(
+        "cluster",
+        tmp_path / "four",
+        **group,
+        video={"width": 64, "height": 48, "max_frames": 2, "hold_s": 0.0, "samples": 0},
+    )
+    assert (tmp_path / "four" / "labels.npz").read_bytes() == labels
+    assert (tmp_path / "four" / "videos" / "videos.json").is_file()
+    assert told.values["modes"] == 1
+    assert sorted(file.name for file in records.glob("*.json")) == [
+        "push-cluster-s0-b0.json",
+        "push-discover-s0-b0.json",
+    ]

@@ -134,6 +134,11 @@ def test_the_ledger_spares_what_is_done(lego, tmp_path):
     plans = true_plans(STUDY, 0, block, first, 10.0)
     rows = recorded_rows(lego, STUDY, 0, plans, first, tmp_path)
     assert rows == recorded_rows(lego, STUDY, 0, plans, first, tmp_path)
+    # Another processor predicts the same to the last bit but one, and decides the same.
+    elsewhere = plans.assign(
+        p_success=np.nextafter(plans["p_success"], 0.5), predicted_cost=plans["predicted_cost"] + 1e-12
+    )
+    assert rows == recorded_rows(lego, STUDY, 0, elsewhere, first, tmp_path)
     assert (tmp_path / "lego-adl_true-s0-b0.json").is_file()
 
 

@@ -15,7 +15,7 @@ from p2l.evaluation.transfer.fit import calibration_table, held_out_predictions,
 from p2l.records import TransferData
 from p2l.transfer import baselines
 from p2l.transfer.calibration import auc
-from p2l.transfer.fitting import FitOptions, TaskSplit, fit, split_tasks
+from p2l.transfer.fitting import FitOptions, TaskSplit, fit, fit_best, split_tasks
 from p2l.transfer.model import load_transfer_model
 
 DRAWS = 20
@@ -216,3 +216,20 @@ def test_bootstrap_weights_draw_tasks_not_pairs(relative):
         assert np.all(columns == columns[:, :1])
     both = next(one for one in predictions if one.pairs == "both_new")
     assert np.all(task_weights(both, 50, np.random.default_rng(0)).sum(axis=1) <= len(both.p) * 8)
+
+
+def test_the_weight_decay_is_that_of_the_smallest_loss_on_folds_and_never_sees_held_out_tasks():
+    data, _ = make_data()
+    split = split_tasks(data, 0.2, QUICK.members, np.random.default_rng(0))
+    options, decays = replace(QUICK, epochs=8), (0.0, 3.0, 30.0)
+    best, losses = fit_best(data, "difference", split, options, decays, 0)
+    assert list(losses) == list(decays)
+    assert best.loss == min(losses.values())
+    assert losses[0.0] < losses[30.0]
+    hidden = split.held_out
+    successes = data.successes.copy()
+    successes[:, hidden] = DRAWS - successes[:, hidden]
+    successes[hidden[data.train_task]] = DRAWS - successes[hidden[data.train_task]]
+    assert fit_best(replace(data, successes=successes), "difference", split, options, decays, 0)[1] == losses
+    with pytest.raises(ConfigError, match="none given"):
+        fit_best(data, "difference", split, options, (), 0)

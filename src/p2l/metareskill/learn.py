@@ -17,7 +17,7 @@ from p2l.errors import ArtifactError
 from p2l.failures.classifier import ModeClassifier
 from p2l.failures.lost import lost
 from p2l.failures.record import Failures
-from p2l.ledger import Item, write
+from p2l.ledger import Item, find, write
 from p2l.metareskill.choosers.contract import Chooser
 from p2l.metareskill.graph import SkillGraph
 from p2l.metareskill.history import History
@@ -156,6 +156,9 @@ def record_history(
         history: the rounds.
         settings: of the chooser and of the loop; `episodes`, the trainings of a round, among them.
     """
+    record = Item(item, chooser, trainer.seed, 0, config_hash([trainer.ledger.identity, dict(settings)]))
+    if find(records, record) is not None:  # on another processor the last digits differ
+        return
     counts = history.counts * int(settings["episodes"])
     entries = [entry for (*pair, number), entry in trainer.ledger.entries.items() if number < counts[tuple(pair)]]
     plain = {name: [getattr(each, name) for each in history.rounds] for name in ("mode", "target", "trials", "solved")}
@@ -163,5 +166,4 @@ def record_history(
         name: [finite(float(f"{getattr(each, name):.6g}")) for each in history.rounds]
         for name in ("q", "q_upper", "predicted", "value")
     }
-    record = Item(item, chooser, trainer.seed, 0, config_hash([trainer.ledger.identity, dict(settings)]))
     write(records, record, {"rounds": plain | numbers}, seconds=sum(entry.seconds for entry in entries))

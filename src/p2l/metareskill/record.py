@@ -23,7 +23,7 @@ from p2l.metareskill.train import Trainer
 from p2l.preconditions.record import Preconditions
 from p2l.skills.relative import Timing
 
-SCHEMA, VERSION = "recoveries", 2
+SCHEMA, VERSION = "recoveries", 3
 Skills = Mapping[tuple[int, int], ParameterisedSkill]
 
 
@@ -39,6 +39,8 @@ class Recoveries:
         graph: success probabilities [I, M] among others.
         skills: by (mode, target), of those that solved a failure.
         timing: of their motions.
+        origin: hash of the trainings that they come from, see `collect`; empty where their numbers are all that is
+            known of them.
     """
 
     world: str
@@ -48,6 +50,7 @@ class Recoveries:
     graph: SkillGraph
     skills: Skills
     timing: Timing
+    origin: str = ""
 
 
 def modes_hash(modes: ModeClassifier) -> str:
@@ -66,20 +69,32 @@ def preconditions_hash(preconditions: Preconditions) -> str:
 
 
 def recoveries_hash(recoveries: Recoveries) -> str:
-    """Identifies recoveries by their skills and success probabilities."""
+    """Identifies recoveries by the trainings that they come from; else by their skills and success probabilities.
+
+    A skill is fitted to features that are computed anew from stored states, so its last bits differ from one processor
+    to another, and records of its episodes would be lost.
+    """
+    graph = {key: value.tolist() for key, value in recoveries.graph.arrays().items()}
+    if recoveries.origin:
+        rewards = [graph[name] for name in ("skill_reward", "recovery_reward", "c_fail")]
+        return config_hash(
+            [recoveries.preconditions, recoveries.modes, asdict(recoveries.timing), rewards, recoveries.origin]
+        )
     skills = {
         f"{mode}.{target}.{key}": value.tolist()
         for (mode, target), skill in recoveries.skills.items()
         for key, value in skill.arrays().items()
     }
-    graph = {key: value.tolist() for key, value in recoveries.graph.arrays().items()}
     return config_hash([recoveries.preconditions, recoveries.modes, asdict(recoveries.timing), graph, skills])
 
 
 def collect(
     trainer: Trainer, modes: ModeClassifier, graph: SkillGraph, history: History, episodes: int = 1
 ) -> Recoveries:
-    """The best skills of a training that is over, `episodes` trainings in each of its rounds."""
+    """The best skills of a training that is over, `episodes` trainings in each of its rounds.
+
+    Their origin is the ledger, and how often each recovery was trained: all that they are a function of.
+    """
     preconditions = trainer.task.preconditions
     skills = {
         (mode, target): trainer.skill(mode, target, int(count) * episodes)
@@ -93,12 +108,13 @@ def collect(
         graph=graph.with_q(history.best),
         skills={key: skill for key, skill in skills.items() if skill is not None},
         timing=trainer.options.timing,
+        origin=config_hash([trainer.ledger.identity, episodes, history.counts.tolist()]),
     )
 
 
 def save_recoveries(path: Path | str, recoveries: Recoveries) -> None:
     """Write a `.npz`."""
-    about = {name: getattr(recoveries, name) for name in ("world", "digest", "modes", "preconditions")}
+    about = {name: getattr(recoveries, name) for name in ("world", "digest", "modes", "preconditions", "origin")}
     about |= {"timing": asdict(recoveries.timing), "skills": [list(key) for key in recoveries.skills]}
     arrays: dict[str, AnyArray] = {"about": np.array(json.dumps(about, sort_keys=True))}
     arrays |= {f"graph.{key}": value for key, value in recoveries.graph.arrays().items()}
@@ -131,4 +147,5 @@ def load_recoveries(path: Path | str, world: World, preconditions: Preconditions
         (mode, target): ParameterisedSkill.from_arrays(part(arrays, f"skill.{mode}.{target}.")) for mode, target in keys
     }
     timing = Timing(**{name: tuple(value) for name, value in about["timing"].items()})
-    return Recoveries(**identity, graph=SkillGraph.from_arrays(part(arrays, "graph.")), skills=skills, timing=timing)
+    graph = SkillGraph.from_arrays(part(arrays, "graph."))
+    return Recoveries(**identity, graph=graph, skills=skills, timing=timing, origin=about["origin"])

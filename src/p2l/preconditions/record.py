@@ -6,13 +6,12 @@ Axis letters: N states, D state columns, K skills, M = K + 1 targets (a precondi
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from p2l.artifacts import AnyArray, load_arrays, save_arrays
+from p2l.artifacts import load_arrays, part, save_arrays
 from p2l.contracts.world import World
 from p2l.errors import ArtifactError, ShapeError
 from p2l.preconditions.classifier import PreconditionClassifier
@@ -100,10 +99,6 @@ def load_preconditions(path: Path | str, world: World) -> Preconditions:
             f"({world.digest}); run `python -m stages.fit_preconditions` again"
         )
     names = tuple(about["names"])
-    skills = tuple(PreconditionClassifier.from_arrays(_part(arrays, f"{k}.")) for k in range(len(names)))
+    skills = tuple(PreconditionClassifier.from_arrays(part(arrays, f"{k}.")) for k in range(len(names)))
     goal = Mixture.from_arrays(arrays, "goal.")
     return Preconditions(world.name, world.digest, names, skills, goal, arrays["nominal"], float(about["threshold"]))
-
-
-def _part(arrays: Mapping[str, AnyArray], prefix: str) -> dict[str, AnyArray]:
-    return {key.removeprefix(prefix): value for key, value in arrays.items() if key.startswith(prefix)}

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import get_args
 
-from p2l.schema.base import StageConfig, resolve, validate
+from p2l.schema.base import ArchivedStageConfig, StageConfig, resolve, validate
 from p2l.schema.chains import ChainRecoveriesConfig, EvaluateChainsConfig
 from p2l.schema.metareskill import (
     EvaluateRecoveriesConfig,
@@ -52,6 +52,7 @@ PATHS = frozenset(
 __all__ = [
     "PATHS",
     "SCHEMAS",
+    "ArchivedStageConfig",
     "ChainRecoveriesConfig",
     "CheckPlanConfig",
     "ClusterConfig",

@@ -6,6 +6,7 @@ import json
 import re
 from collections.abc import Iterator, Mapping
 from difflib import get_close_matches
+from pathlib import Path
 from typing import Annotated, Any, ClassVar, TypeVar, cast
 
 from omegaconf import DictConfig, OmegaConf
@@ -119,16 +120,18 @@ class TrackingConfig(ConfigSection):
 class StageConfig(ConfigSection):
     """What every stage's configuration holds."""
 
+    idle: ClassVar[dict[str, Any]] = {"tracking": True, "world": {"params": {"nthread"}}}  # what changes no result
+
     seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
     tracking: TrackingConfig = TrackingConfig()
 
     @property
     def hash(self) -> str:
-        """Identifies the work: hash of everything but `tracking` and the world's `nthread`, which change no result.
+        """Identifies the work: hash of everything but what changes no result, `tracking` and the world's `nthread`.
 
         The code of what is not ours is part of it. Checkpoints carry it in their names.
         """
-        values = self.model_dump(mode="json", exclude={"tracking": True, "world": {"params": {"nthread"}}})
+        values = self.model_dump(mode="json", exclude=self.idle)
         return config_hash([values, code] if (code := self.outside_code) else values)
 
     @property
@@ -145,6 +148,14 @@ class StageConfig(ConfigSection):
     def method(self) -> str:
         """The method's name in run names and tags."""
         return "all"
+
+
+class ArchivedStageConfig(StageConfig):
+    """Configuration of a stage whose files are kept in `records`, and taken from there; null keeps none."""
+
+    idle: ClassVar[dict[str, Any]] = StageConfig.idle | {"records": True}
+
+    records: Path | None = None
 
 
 def resolve(config: DictConfig) -> dict[str, Any]:

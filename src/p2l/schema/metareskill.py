@@ -9,7 +9,7 @@ from pydantic import AfterValidator, Field, model_validator
 
 from p2l.metareskill.choosers.table import CHOOSERS
 from p2l.metareskill.strategy_names import STRATEGIES
-from p2l.schema.base import ChoiceConfig, ConfigSection, Count, Positive, Probability
+from p2l.schema.base import ArchivedStageConfig, ChoiceConfig, ConfigSection, Count, Positive, Probability
 from p2l.schema.recovery import ExecutionsConfig, SymbolicWorldConfig, VideoConfig, WorldStageConfig
 
 
@@ -42,7 +42,7 @@ class VicinityConfig(ConfigSection):
     arrival_m: Positive
 
 
-class FitPreconditionsConfig(WorldStageConfig):
+class FitPreconditionsConfig(WorldStageConfig, ArchivedStageConfig):
     """Stage `fit_preconditions`: Algorithm 2; see `p2l.preconditions.backwards.ChainingOptions`."""
 
     world: SymbolicWorldConfig

@@ -10,7 +10,15 @@ from pydantic import Field, model_validator
 
 from p2l.contracts.estimator import Mode
 from p2l.failures.strategy import Strategy
-from p2l.schema.base import ChoiceConfig, ConfigSection, Count, NotNegative, Positive, StageConfig
+from p2l.schema.base import (
+    ArchivedStageConfig,
+    ChoiceConfig,
+    ConfigSection,
+    Count,
+    NotNegative,
+    Positive,
+    StageConfig,
+)
 from p2l.worlds.table import WORLDS
 
 Even = Annotated[int, Field(ge=16, le=1920, multiple_of=2)]
@@ -54,7 +62,7 @@ class ExecutionsConfig(ConfigSection):
     held_out: Count
 
 
-class DiscoverConfig(WorldStageConfig):
+class DiscoverConfig(WorldStageConfig, ArchivedStageConfig):
     """Stage `discover`: run the nominal skills and keep their failures; `estimator: null` is the strategy's own."""
 
     strategy: Strategy
@@ -87,7 +95,7 @@ class VideoConfig(ConfigSection):
     samples: Annotated[int, Field(ge=0, le=16)]
 
 
-class ClusterConfig(WorldStageConfig):
+class ClusterConfig(WorldStageConfig, ArchivedStageConfig):
     """Stage `cluster`: group failures into modes, draw them, and film a typical one of each."""
 
     failures: Path

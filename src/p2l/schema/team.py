@@ -10,7 +10,16 @@ from pydantic import Field, model_validator
 from p2l.artifacts import config_hash
 from p2l.domains.table import DOMAINS
 from p2l.errors import ConfigError
-from p2l.schema.base import ChoiceConfig, ConfigSection, Count, NotNegative, Positive, Probability, StageConfig
+from p2l.schema.base import (
+    ArchivedStageConfig,
+    ChoiceConfig,
+    ConfigSection,
+    Count,
+    NotNegative,
+    Positive,
+    Probability,
+    StageConfig,
+)
 from p2l.team.study import Regime, Study
 
 
@@ -87,7 +96,7 @@ class StudyStageConfig(DomainStageConfig):
         return config_hash([self.domain.key, world, self.seed, self.study.draws])
 
 
-class CollectConfig(DomainStageConfig):
+class CollectConfig(DomainStageConfig, ArchivedStageConfig):
     """Stage `collect` (Algorithm 1): tasks, skills learnt on some of them, and every skill tried on every task."""
 
     n_tasks: Count
@@ -106,14 +115,14 @@ class CollectConfig(DomainStageConfig):
         return self
 
 
-class FitTransferConfig(DomainStageConfig):
+class FitTransferConfig(DomainStageConfig, ArchivedStageConfig):
     """Stage `fit_transfer`: the network that predicts how well the skill of one task does on another."""
 
     transfer_data: Path
     hidden: Count
     epochs: Count
     learning_rate: Positive
-    weight_decay: NotNegative
+    weight_decay: Annotated[tuple[NotNegative, ...], Field(min_length=1)]
     batch_size: Count
     members: Annotated[int, Field(ge=2)]
     patience: Count

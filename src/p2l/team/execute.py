@@ -41,6 +41,7 @@ from p2l.team.study import (
 
 # Part of every truth record's hash: raise it when simulator, world or learner give other outcomes than before.
 TRUTH_VERSION = 1
+PREDICTIONS = ("p_success", "predicted_cost")  # columns of plans
 
 
 @dataclass(frozen=True)
@@ -221,10 +222,13 @@ def recorded_truth(
 def recorded_rows(
     domain: Domain, study: Study, seed: int, plans: pd.DataFrame, truth: Truth, records: Path
 ) -> list[dict[str, Any]]:
-    """Executed rows of one method in one block, from its record if the same plans met the same truth."""
+    """Executed rows of one method in one block, from its record if the same plans met the same truth.
+
+    Plans are known by who does what: predictions differ in their last bits from one processor to another.
+    """
     method, block = str(plans["method"].iloc[0]), int(plans["block"].iloc[0])
     regimes = [regime.__dict__ for regime in study.regimes]
-    decisive = [regimes, plans.to_dict("records"), truth.executing.tolist()]
+    decisive = [regimes, plans.drop(columns=list(PREDICTIONS)).to_dict("records"), truth.executing.tolist()]
     item = Item(domain.name, method, seed, block, config_hash(decisive))
     if (record := find(records, item)) is None:
         start = time.perf_counter()

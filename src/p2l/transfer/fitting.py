@@ -1,13 +1,14 @@
 """Fit the precondition prediction model: split by task, train all members at once, stop early, correct.
 
 A pair enters the fit only if both of its tasks do. Each of the E members leaves out one fold of the fitted tasks; its
-loss on pairs that are tested on that fold stops it, and the pooled out-of-fold logits fit Platt's correction.
+loss on pairs that are tested on that fold stops it, and the pooled out-of-fold logits fit Platt's correction. The same
+loss chooses the weight decay (`fit_best`), so that no choice is made on the tasks that scores are reported of.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 import torch
@@ -56,6 +57,11 @@ class Fit:
     training_loss: Array
     validation_loss: Array
     best_epoch: IntArray
+
+    @property
+    def loss(self) -> float:
+        """Mean over members of the smallest loss on the fold that each leaves out, nats per execution."""
+        return float(self.validation_loss.min(axis=0).mean())
 
 
 @dataclass(frozen=True)
@@ -119,6 +125,40 @@ def fit(
         platt = _correction(TransferModel(encoding, data.feature_names, mean, scale, best, platt), data, split)
     model = TransferModel(encoding, data.feature_names, mean, scale, best, platt)
     return Fit(model, training, validation, best_epoch)
+
+
+def fit_best(
+    data: TransferData,
+    encoding: Encoding,
+    split: TaskSplit,
+    options: FitOptions,
+    decays: Sequence[float],
+    seed: int,
+    report: Callable[[float], Report] | None = None,
+) -> tuple[Fit, dict[float, float]]:
+    """The fit with the weight decay of the smallest `Fit.loss`, and that loss by weight decay; the first wins ties.
+
+    Args:
+        data: what was collected.
+        encoding: how a pair of tasks enters.
+        split: see `split_tasks`.
+        options: of every fit, but for its weight decay.
+        decays: to choose from, at least one.
+        seed: of every fit's generator, so that they start from the same weights.
+        report: makes the `report` of the fit with a weight decay.
+
+    Raises:
+        ConfigError: no weight decay to choose from, or see `fit`.
+    """
+    if not decays:
+        raise ConfigError("weight decay: none given to choose from")
+    fits = {}
+    for decay in decays:
+        tell = None if report is None else report(decay)
+        each = replace(options, weight_decay=decay)
+        fits[decay] = fit(data, encoding, split, each, torch.Generator().manual_seed(seed), tell)
+    losses = {decay: one.loss for decay, one in fits.items()}
+    return fits[min(losses, key=losses.__getitem__)], losses
 
 
 def _moments(features: Array) -> tuple[Array, Array]:
