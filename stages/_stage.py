@@ -36,6 +36,7 @@ from yaml import YAMLError  # type: ignore[import-untyped]
 
 from p2l.artifacts import config_hash, write_text
 from p2l.errors import P2LError
+from p2l.manifest import check_place, write_manifest
 from p2l.schema import PATHS, StageConfig, resolve, validate
 from p2l.text import printable
 from p2l.tracking import RUN_FILE, RunCard, Tracker, safe_uri, start
@@ -228,6 +229,7 @@ def _run(
     finished: FinishedCheck[ConfigT] | None,
 ) -> None:
     cfg = validate(resolve(config), schema, "configuration")
+    check_place(out)
     if finished is not None and (message := finished(cfg, out)):
         print(message)
         return
@@ -247,6 +249,7 @@ def _run(
     with start(card, out, ROOT, enabled=cfg.tracking.enabled, uri=cfg.tracking.uri) as track:
         function(cfg, out, track)
         write_text(out / CONFIG_FILE, OmegaConf.to_yaml(OmegaConf.create(plain)))
+        write_manifest(out, frozenset({CONFIG_FILE}))
     print(f"stage {name}: outputs in {os.path.relpath(out)}")
 
 

@@ -1,4 +1,4 @@
-"""Stage `evaluate_team`: plans run in the world they were plans_of_block for (thesis, section 3.5)."""
+"""Stage `evaluate_team`: plans run in the world they were made for (thesis, section 3.5)."""
 
 from __future__ import annotations
 
@@ -7,12 +7,16 @@ from typing import Any
 
 import pandas as pd
 
-from p2l.artifacts import config_hash, load_table, save_table
+from p2l.artifacts import config_hash, load_table, save_json, save_table
 from p2l.domains.table import make_domain
 from p2l.errors import ArtifactError
 from p2l.evaluation.team.metrics import summarise
+from p2l.evaluation.transfer.planned import planned_predictions
+from p2l.evaluation.transfer.scores import records as records_of
+from p2l.evaluation.transfer.scores import score_table
 from p2l.schema import EvaluateTeamConfig
-from p2l.team.execute import recorded_rows, recorded_truth, true_plans
+from p2l.seeding import generator
+from p2l.team.execute import Truth, recorded_rows, recorded_truth, true_plans
 from p2l.team.study import make_block
 from p2l.tracking import Tracker
 from stages._bridge import code_of
@@ -30,12 +34,14 @@ def run(cfg: EvaluateTeamConfig, out: Path, track: Tracker) -> None:
     identity = config_hash([cfg.identity, code]) if code else cfg.identity
     plans = load_table(cfg.plans, schema="plans", version=1)
     rows: list[dict[str, Any]] = []
+    truths: dict[int, Truth] = {}
     for index in range(study.blocks):
         block = make_block(domain, study, cfg.seed, index)
         if set(plans.loc[plans["block"] == index, "digest"]) != {block.digest}:
-            raise ArtifactError(f"{cfg.plans}: plans_of_block for other tasks; run `python -m stages.plan` again")
+            raise ArtifactError(f"{cfg.plans}: made for other tasks; run `python -m stages.plan` again")
         with bar(f"{domain.name} block {index + 1} of {study.blocks}") as show:
             truth = recorded_truth(domain, study, cfg.seed, block, records, identity, show)
+        truths[index] = truth
         best = true_plans(study, cfg.seed, block, truth, cfg.time_limit_s)
         plans_of_block = pd.concat([plans[plans["block"] == index], best])
         for _, mine in plans_of_block.groupby("method", sort=True):
@@ -45,6 +51,11 @@ def run(cfg: EvaluateTeamConfig, out: Path, track: Tracker) -> None:
     save_table(out / "results.parquet", results, schema="team_results", version=1)
     summary = summarise(results)
     save_table(out / "summary.parquet", summary, schema="team_summary", version=1)
+    scores = score_table(
+        [planned_predictions(plans, truths, study.draws)],
+        generator(cfg.seed, "evaluate_team", domain.name, "intervals"),
+    )
+    save_json(out / "predictions.json", {"scores": records_of(scores)}, schema="planned_predictions", version=1)
     keys = summary[["regime", "level", "method", "metric"]].astype(str).agg("/".join, axis=1)
     track.metrics(dict(zip(keys.tolist(), summary["mean"].tolist(), strict=True)))
 

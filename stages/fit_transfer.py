@@ -9,8 +9,9 @@ from typing import Any
 from p2l.artifacts import atomic, load_arrays, load_json, save_json
 from p2l.domains.table import make_domain
 from p2l.errors import ArtifactError
-from p2l.evaluation.transfer.fit import calibration_table, held_out_predictions, records, score_table
+from p2l.evaluation.transfer.fit import held_out_predictions
 from p2l.evaluation.transfer.reliability import reliability_diagram
+from p2l.evaluation.transfer.scores import calibration_table, records, score_table
 from p2l.records import TransferData
 from p2l.schema import FitTransferConfig
 from p2l.seeding import generator, torch_seed

@@ -8,13 +8,12 @@ decides them, and a stage whose files are here takes them instead of making them
 
 from __future__ import annotations
 
-import hashlib
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from p2l.artifacts import atomic
+from p2l.artifacts import atomic, digest_bytes
 from p2l.errors import ArtifactError
 from p2l.ledger import Item, find, place, write
 
@@ -47,7 +46,7 @@ class Archive:
         digests = record["files"]
         folder = self._folder(self.records)
         contents = {name: _read(folder / name) for name in self.names}
-        if wrong := [name for name, content in contents.items() if _digest(content) != digests.get(name)]:
+        if wrong := [name for name, content in contents.items() if digest_bytes(content) != digests.get(name)]:
             log.warning("%s: %s missing or damaged; made anew", folder, ", ".join(wrong))
             return False
         for name, content in contents.items():
@@ -69,7 +68,7 @@ class Archive:
         for name in self.names:
             if not (content := _read(out / name)):
                 raise ArtifactError(f"{out / name}: missing or empty, so this stage's files cannot be kept")
-            digests[name] = _digest(content)
+            digests[name] = digest_bytes(content)
             with atomic(folder / name) as temporary:
                 temporary.write_bytes(content)
         write(self.records, self.item, {"files": digests}, seconds=seconds)
@@ -85,7 +84,7 @@ def digest_of(path: Path) -> str:
         ArtifactError: it cannot be read.
     """
     try:
-        return _digest(path.read_bytes())
+        return digest_bytes(path.read_bytes())
     except OSError as error:
         raise ArtifactError(f"{path}: no such artifact; run the stage that makes it (see `dvc dag`)") from error
 
@@ -95,7 +94,3 @@ def _read(path: Path) -> bytes:
         return path.read_bytes()
     except OSError:
         return b""
-
-
-def _digest(content: bytes) -> str:
-    return hashlib.blake2b(content, digest_size=16).hexdigest()

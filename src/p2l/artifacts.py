@@ -99,6 +99,11 @@ def config_hash(config: Any) -> str:
     return hashlib.blake2b(json.dumps(config, sort_keys=True, default=str).encode(), digest_size=8).hexdigest()
 
 
+def digest_bytes(content: bytes) -> str:
+    """Digest of a file's bytes."""
+    return hashlib.blake2b(content, digest_size=16).hexdigest()
+
+
 def _digest_arrays(arrays: Mapping[str, AnyArray]) -> str:
     digest = hashlib.blake2b(digest_size=16)
     for name in sorted(arrays):
@@ -185,7 +190,7 @@ def load_json(path: Path | str, *, schema: str, version: int) -> dict[str, Any]:
 
 
 def _digest_json(content: Mapping[str, Any]) -> str:
-    return hashlib.blake2b(json.dumps(content, sort_keys=True).encode(), digest_size=16).hexdigest()
+    return digest_bytes(json.dumps(content, sort_keys=True).encode())
 
 
 def save_table(path: Path | str, table: pd.DataFrame, *, schema: str, version: int) -> None:
@@ -218,7 +223,7 @@ def load_table(path: Path | str, *, schema: str, version: int) -> pd.DataFrame:
 
 def _digest_table(arrow: Any) -> str:
     body = json.dumps({name: arrow.column(name).to_pylist() for name in arrow.column_names}, default=str)
-    return hashlib.blake2b(body.encode(), digest_size=16).hexdigest()
+    return digest_bytes(body.encode())
 
 
 def save_network(path: Path | str, state: Mapping[str, torch.Tensor], card: Mapping[str, Any], *, schema: str) -> None:
@@ -231,7 +236,7 @@ def save_network(path: Path | str, state: Mapping[str, torch.Tensor], card: Mapp
 
     path = Path(path)
     data = save({name: tensor.detach().cpu().contiguous() for name, tensor in state.items()})
-    weights = hashlib.blake2b(data, digest_size=16).hexdigest()
+    weights = digest_bytes(data)
     with atomic(path) as temporary:
         with temporary.open("wb") as stream:
             stream.write(data)
@@ -249,7 +254,7 @@ def load_network(path: Path | str, *, schema: str) -> tuple[dict[str, torch.Tens
     card = load_json(path.with_suffix(path.suffix + ".json"), schema=schema, version=1)
     digest = card.pop("weights")
     for file in (path, *_temporaries(path)):
-        if file.is_file() and hashlib.blake2b(data := file.read_bytes(), digest_size=16).hexdigest() == digest:
+        if file.is_file() and digest_bytes(data := file.read_bytes()) == digest:
             if file != path:
                 file.replace(path)  # its process was killed before it could
             return load(data), card

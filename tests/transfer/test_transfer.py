@@ -11,7 +11,8 @@ from numpy.testing import assert_array_equal
 from scipy.special import expit
 
 from p2l.errors import ArtifactError, ConfigError, ShapeError
-from p2l.evaluation.transfer.fit import calibration_table, held_out_predictions, records, score_table, task_weights
+from p2l.evaluation.transfer.fit import held_out_predictions
+from p2l.evaluation.transfer.scores import calibration_table, records, score_table, task_weights
 from p2l.records import TransferData
 from p2l.transfer import baselines
 from p2l.transfer.calibration import auc

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,6 +12,7 @@ import pandas as pd
 
 from p2l.artifacts import atomic
 from p2l.errors import ArtifactError
+from p2l.manifest import read_checked
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -38,14 +40,14 @@ def save_sheets(out: Path, tables: Mapping[str, pd.DataFrame], figures: Mapping[
 
 
 def load_sheet(path: Path, columns: Sequence[str], advice: str) -> pd.DataFrame:
-    """Read a CSV that has at least `columns`; `advice` is the remedy in an error's message.
+    """Read a CSV of a stage that has at least `columns`; `advice` is the remedy in an error's message.
 
     Raises:
-        ArtifactError: missing, unreadable, or without one of the columns.
+        ArtifactError: missing, unreadable, not as it was written, or without one of the columns.
     """
     try:
-        table = pd.read_csv(path)
-    except (OSError, ValueError) as error:
+        table = pd.read_csv(io.BytesIO(read_checked(path, advice)))
+    except ValueError as error:
         raise ArtifactError(f"{path}: cannot be read ({error}); {advice}") from error
     if missing := [name for name in columns if name not in table]:
         raise ArtifactError(f"{path}: lacks columns {', '.join(missing)}; {advice}")

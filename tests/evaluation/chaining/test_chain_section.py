@@ -22,6 +22,7 @@ from p2l.evaluation.page.sources import Sources
 from p2l.evaluation.thesis import load_thesis
 from p2l.evaluation.video.failures import skip
 from p2l.evaluation.video.reuse import NONE
+from tests.sealing import seal
 
 THESIS = "data/thesis"
 WORLDS = ("pick_place", "shelf")
@@ -86,7 +87,7 @@ def made(tmp_path_factory):
     (data / "evaluate_chains" / "shelf_ablation").mkdir()
     ablated = ablation_5("shelf", {"as_given": acted, "double": acted}, thesis)
     ablated.to_csv(data / "evaluate_chains" / "shelf_ablation" / "ablation_5.csv", index=False)
-    return Sources(data, THESIS, (), WORLDS, (), WORLDS)
+    return Sources(seal(data), THESIS, (), WORLDS, (), WORLDS)
 
 
 def readings(section):
@@ -129,7 +130,7 @@ def test_learners_of_ones_own_and_several_seeds_are_on_the_page(made, tmp_path):
     lazy = {"method": "lazy_rc", "setting": "world=shelf", "metric": "success_minus_rc"}
     lazy |= {"mean": -0.02, "low": -0.06, "high": 0.02, "n": 5}
     pd.concat([table, own, pd.DataFrame([lazy])], ignore_index=True).to_csv(file, index=False)
-    section = chains.table_5_1(replace(made, data=data))
+    section = chains.table_5_1(replace(made, data=seal(data)))
     [sheet] = section.sheets
     assert sheet.head == ["", "Nominal", "Nominal + RC", "Nominal + Lazy RC", "Nominal + PP", "RL", "Nominal + short"]
     assert any(isinstance(part, str) and "shelf -2.0 [-6.0, +2.0]" in part for part in section.parts)

@@ -11,6 +11,7 @@ from p2l.evaluation.page.page import Films, Reading
 from p2l.evaluation.page.sources import Sources
 from p2l.evaluation.rows import COLUMNS
 from tests.evaluation.team.team_results import FOLDER
+from tests.sealing import seal
 
 SCORES = ("accuracy", "precision", "recall", "solved_where_it_holds")
 UNKNOWN = math.nan
@@ -68,7 +69,7 @@ def write(folder, values=(-10.0, -7.0, -7.0, -7.0, -7.0)):
 
 
 def sections(folder):
-    sources = Sources(folder, FOLDER, (), ("door",), ("door",))
+    sources = Sources(seal(folder), FOLDER, (), ("door",), ("door",))
     return recoveries.preconditions(sources), recoveries.learning(sources)
 
 

@@ -11,6 +11,7 @@ from p2l.evaluation.metareskill.tables import paired_gain, table_4_1, table_4_2
 from p2l.evaluation.rows import COLUMNS
 from p2l.evaluation.statistics import wilson_interval
 from p2l.evaluation.thesis import load_thesis
+from p2l.manifest import write_manifest
 
 
 @pytest.fixture(scope="module")
@@ -132,9 +133,15 @@ def test_rounds_without_a_column_or_a_seed_are_refused(tmp_path):
     names = ["seed", "chooser", "round", "mode", "target", "target_name", "q_after", "value"]
     table = pd.DataFrame([[0, "ucb1", 1, 0, 0, "a", 0.5, -3.0]], columns=names)
     table.drop(columns="value").to_csv(path, index=False)
+    with pytest.raises(ArtifactError, match=r"no manifest\.json"):
+        read_rounds(path, [0])
+    write_manifest(tmp_path)
     with pytest.raises(ArtifactError, match="lacks columns value"):
         read_rounds(path, [0])
     table.to_csv(path, index=False)
+    with pytest.raises(ArtifactError, match="not as its stage wrote it"):
+        read_rounds(path, [0])
+    write_manifest(tmp_path)
     assert len(read_rounds(path, [0])) == 1
     with pytest.raises(ArtifactError, match=r"no round of seeds \[1\]"):
         read_rounds(path, [0, 1])

@@ -11,6 +11,7 @@ from p2l.evaluation.metareskill.tables import table_4_1, table_4_2
 from p2l.evaluation.page.page import Picture, Reading, render
 from p2l.evaluation.page.sources import Sources
 from p2l.evaluation.thesis import load_thesis
+from tests.sealing import seal
 
 THESIS = "data/thesis"
 
@@ -42,7 +43,7 @@ def made(tmp_path_factory):
     for name, table in tables.items():
         table.to_csv(folder / f"{name}.csv", index=False)
         (folder / f"{name}.png").write_bytes(b"a picture")
-    return Sources(data, THESIS, (), ("door",), ("door",))
+    return Sources(seal(data), THESIS, (), ("door",), ("door",))
 
 
 def reading(section):

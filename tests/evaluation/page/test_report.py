@@ -22,6 +22,7 @@ from p2l.evaluation.team.tables import table_3_2
 from p2l.evaluation.thesis import load_thesis
 from p2l.records import TransferData
 from tests.evaluation.team.team_results import FOLDER, METHODS, plans, results, study
+from tests.sealing import seal
 
 REGIMES = {
     "high_teaching": {"c_rob": 10, "c_hum": 100, "c_fail": 100, "c_demo": 200, "levels": [0, 2]},
@@ -81,6 +82,9 @@ def write_domain(data, domain):
     path = data / "fit_transfer" / domain / "metrics.json"
     save_json(path, {"scores": scores}, schema="fit_transfer_metrics", version=1)
     (path.parent / "calibration.png").write_bytes(b"a picture")
+    planned = [{**score, "pairs": "planned"} for score in scores if score["method"] == "model"]
+    path = data / "evaluate_team" / domain / "predictions.json"
+    save_json(path, {"scores": planned}, schema="planned_predictions", version=1)
     config = data / "config" / domain
     config.mkdir(parents=True)
     (config / "collect.yaml").write_text(yaml.safe_dump({"domain": {"name": domain, "params": {}}}))
@@ -121,6 +125,7 @@ def data(tmp_path_factory):
         write_domain(folder, domain)
     write_world(folder, "door", successes=34, filmed=True)
     write_world(folder, "pick_place", successes=10, filmed=False)
+    seal(folder)
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(Sources, "model", lambda self, domain: HalfModel())
         yield folder
@@ -241,9 +246,31 @@ def test_a_damaged_input_is_refused(data, tmp_path):
     (broken / "evaluate_team" / "lego" / "results.parquet").write_bytes(b"nothing")
     with pytest.raises(ArtifactError, match=r"results\.parquet"):
         Sources(broken, FOLDER, DOMAINS).team("lego")
-    (broken / "config" / "lego" / "collect.yaml").write_text("{")
+    config = broken / "config" / "lego" / "collect.yaml"
+    config.write_text("{")
+    with pytest.raises(ArtifactError, match=r"collect\.yaml: is not as its stage wrote it.*dvc repro config"):
+        Sources(broken, FOLDER, DOMAINS).world("lego")
+    seal(broken)
     with pytest.raises(ArtifactError, match=r"(?s)collect\.yaml: no readable configuration.*dvc repro config"):
         Sources(broken, FOLDER, DOMAINS).world("lego")
+
+
+@pytest.mark.parametrize(
+    ("name", "read"),
+    [
+        ("fit_transfer/lego/calibration.png", lambda sources: sources.image("fit_transfer", "lego", "calibration.png")),
+        ("cluster/door/videos/mode_0.mp4", lambda sources: sources.videos("door")),
+        ("config/lego/evaluate_team.yaml", lambda sources: sources.team("lego")),
+    ],
+)
+def test_half_a_file_is_refused(data, tmp_path, name, read):
+    """Half a picture, film or configuration went into the page unnoticed, or ended in a KeyError."""
+    shutil.copytree(data, tmp_path / "data")
+    sources, path = Sources(tmp_path / "data", FOLDER, DOMAINS, WORLDS), tmp_path / "data" / name
+    assert read(sources)
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    with pytest.raises(ArtifactError, match=rf"{path.name}: is not as its stage wrote it"):
+        read(sources)
 
 
 def test_a_missing_picture_names_the_stage_to_run(data):

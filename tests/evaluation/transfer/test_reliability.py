@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from matplotlib.image import imread
 
-from p2l.evaluation.transfer.fit import Predictions, calibration_table
 from p2l.evaluation.transfer.reliability import reliability_diagram
+from p2l.evaluation.transfer.scores import Predictions, calibration_table
 
 
 def _predictions(method, p):

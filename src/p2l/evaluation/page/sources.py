@@ -15,6 +15,7 @@ from p2l.domains.table import make_domain
 from p2l.errors import ArtifactError
 from p2l.evaluation.sheets import load_sheet
 from p2l.evaluation.thesis import Thesis, load_thesis
+from p2l.manifest import read_checked
 from p2l.records import TransferData
 
 if TYPE_CHECKING:
@@ -80,8 +81,8 @@ class Sources:
         """A stage's resolved configuration."""
         path = self.file("config", domain, f"{stage}.yaml")
         try:
-            return dict(yaml.safe_load(path.read_text(encoding="utf-8")))
-        except (OSError, ValueError, TypeError, yaml.YAMLError) as error:
+            return dict(yaml.safe_load(read_checked(path, "run `dvc repro config`").decode("utf-8")))
+        except (ValueError, TypeError, yaml.YAMLError) as error:
             raise ArtifactError(f"{path}: no readable configuration ({error}); run `dvc repro config`") from error
 
     def team(self, domain: str) -> Team | None:
@@ -109,9 +110,13 @@ class Sources:
         )
 
     def scores(self, domain: str) -> list[dict[str, Any]]:
-        """Scores of a domain's predictor and its baselines on held-out tasks."""
+        """Scores of a domain's predictor and its baselines on held-out tasks, then on the pairs that plans rely on."""
         path = self.file("fit_transfer", domain, "metrics.json")
-        return list(load_json(path, schema="fit_transfer_metrics", version=1)["scores"])
+        planned = self.file("evaluate_team", domain, "predictions.json")
+        return [
+            *load_json(path, schema="fit_transfer_metrics", version=1)["scores"],
+            *load_json(planned, schema="planned_predictions", version=1)["scores"],
+        ]
 
     def discovery(self, world: str) -> dict[str, Any]:
         """Summary of a world's failure discovery."""
@@ -130,10 +135,7 @@ class Sources:
             path = folder / str(one["file"])
             if not path.resolve().is_relative_to(folder.resolve()):  # the page would embed any file of this machine
                 raise ArtifactError(f"{folder / 'videos.json'}: names '{one['file']}', which lies outside its folder")
-            try:
-                films.append((one, path.read_bytes()))
-            except OSError as error:
-                raise ArtifactError(f"{path}: cannot be read ({error.strerror}); run `dvc repro {stage}`") from error
+            films.append((one, read_checked(path, f"run `dvc repro {stage}`")))
         return films, index["skipped"]
 
     def sheet(self, stage: str, domain: str, name: str) -> pd.DataFrame:
@@ -142,10 +144,7 @@ class Sources:
 
     def image(self, stage: str, domain: str, name: str) -> bytes:
         """A PNG that a stage drew."""
-        path = self.file(stage, domain, name)
-        if not path.is_file():
-            raise ArtifactError(f"{path}: no such picture; run `dvc repro {stage}`")
-        return path.read_bytes()
+        return read_checked(self.file(stage, domain, name), f"run `dvc repro {stage}`")
 
     def world(self, domain: str) -> Domain:
         """The task distribution, as the data were collected."""

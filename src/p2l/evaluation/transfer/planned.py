@@ -1,0 +1,47 @@
+"""Predictions that plans rely on: the pairs of skill and task where a plan lets the robot act (thesis, section 3.5).
+
+A planner picks the skills that promise most, so the pairs that it uses are alike in prediction, and optimistic ones are
+among them more often than among all pairs. How well a predictor ranks those is what a plan's cost depends on.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+import pandas as pd
+
+from p2l.evaluation.transfer.scores import Predictions
+from p2l.team.execute import Truth
+
+GROUP = "planned"
+
+
+def planned_predictions(
+    plans: pd.DataFrame, truths: Mapping[int, Truth], draws: int, method: str = "adl"
+) -> Predictions:
+    """Every pair of skill and task on which some plan of `method` acts, once, with the executing draws of the truth.
+
+    Args:
+        plans: rows of `team.execute.plan_rows`.
+        truths: by block.
+        draws: behind an executing success rate.
+        method: whose plans; they were made with the predictor.
+    """
+    acts = plans[(plans["method"] == method) & (plans["decision"] == "act") & (plans["skill"] >= 0)]
+    pairs = acts.drop_duplicates(["block", "skill", "task"]).sort_values(["block", "skill", "task"])
+    block, skill, task = (pairs[name].to_numpy(dtype=np.int64) for name in ("block", "skill", "task"))
+    places = zip(block.tolist(), skill.tolist(), task.tolist(), strict=True)
+    rates = [truths[index].executing[row, column] for index, row, column in places]
+    number = block * (
+        1 + max((len(truth.executing) for truth in truths.values()), default=0)
+    )  # of a block's first task
+    return Predictions(
+        method="model",
+        pairs=GROUP,
+        p=pairs["p_success"].to_numpy(dtype=np.float64),
+        successes=np.rint(np.array(rates, dtype=np.float64) * draws).astype(np.int64),
+        draws=draws,
+        train_task=number + skill,
+        test_task=number + task,
+    )
