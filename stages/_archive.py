@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import time
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,23 @@ from p2l.schema import ArchivedStageConfig
 
 # Of a configuration, what changes no file that is kept: beside what changes no result, films and episodes at once.
 _IDLE = {"videos": True, "video": True, "slots": True, "domain": {"params": {"nthread"}}}
+
+
+def make_or_restore(
+    stage: str,
+    version: int,
+    cfg: ArchivedStageConfig,
+    out: Path,
+    names: Sequence[str],
+    make: Callable[[], None],
+    world: str = "",
+) -> None:
+    """Take a stage's files from the committed records, or make them and keep them there; see `archive_of`."""
+    archive = archive_of(stage, version, cfg, names, world)
+    if not archive.restore(out):
+        begin = time.perf_counter()
+        make()
+        archive.keep(out, seconds=time.perf_counter() - begin)
 
 
 def archive_of(stage: str, version: int, cfg: ArchivedStageConfig, names: Sequence[str], world: str = "") -> Archive:

@@ -7,13 +7,11 @@ from typing import Any
 
 import pandas as pd
 
-from p2l.artifacts import config_hash, load_table, save_json, save_table
+from p2l.artifacts import config_hash, load_table, save_table
 from p2l.domains.table import make_domain
 from p2l.errors import ArtifactError
 from p2l.evaluation.team.metrics import summarise
-from p2l.evaluation.transfer.planned import planned_predictions
-from p2l.evaluation.transfer.scores import records as records_of
-from p2l.evaluation.transfer.scores import score_table
+from p2l.evaluation.transfer.planned import planned_report
 from p2l.schema import EvaluateTeamConfig
 from p2l.seeding import generator
 from p2l.team.execute import Truth, recorded_rows, recorded_truth, true_plans
@@ -51,11 +49,7 @@ def run(cfg: EvaluateTeamConfig, out: Path, track: Tracker) -> None:
     save_table(out / "results.parquet", results, schema="team_results", version=1)
     summary = summarise(results)
     save_table(out / "summary.parquet", summary, schema="team_summary", version=1)
-    scores = score_table(
-        [planned_predictions(plans, truths, study.draws)],
-        generator(cfg.seed, "evaluate_team", domain.name, "intervals"),
-    )
-    save_json(out / "predictions.json", {"scores": records_of(scores)}, schema="planned_predictions", version=1)
+    planned_report(out, plans, truths, study.draws, generator(cfg.seed, "evaluate_team", domain.name, "intervals"))
     keys = summary[["regime", "level", "method", "metric"]].astype(str).agg("/".join, axis=1)
     track.metrics(dict(zip(keys.tolist(), summary["mean"].tolist(), strict=True)))
 

@@ -57,6 +57,8 @@ def discover(
 ) -> Discovery:
     """Run one episode from each of `starts` by the strategy of `origin`, and keep the failures.
 
+    Episodes whose simulation breaks down are left out, and a warning counts them.
+
     Args:
         world: made with the strategy's estimator, see `strategy.ESTIMATORS`.
         options: its nominal chain.
@@ -66,6 +68,9 @@ def discover(
         progress: called with the number of episodes finished since the last call.
     """
     execution = _run(world, options, starts, origin, slots=slots, progress=progress)
+    if diverged := int(execution.diverged.sum()):
+        where = world.name, origin.split, diverged, len(execution)
+        log.warning("%s %s: the simulation of %d of %d episodes broke down; left out", *where)
     moments = execution.ends.take(_is_failure(world, options, execution, origin.strategy))
     return Discovery(_record(world, starts, moments, origin), execution)
 

@@ -58,6 +58,13 @@ def discovery_metrics(summary: Mapping[str, Any]) -> dict[str, float]:
     return numbers
 
 
+def discovery_times(summary: Mapping[str, Any], seconds: float) -> dict[str, float]:
+    """Wall seconds of `discover`, and episodes and control steps per second, of both splits."""
+    totals = {key: sum(summary[split][key] for split in SPLITS) for key in ("executions", "control_steps")}
+    rates = {"episodes_per_s": totals["executions"], "control_steps_per_s": totals["control_steps"]}
+    return {"seconds": seconds, **{name: total / seconds for name, total in rates.items()}}
+
+
 def rate(successes: int, trials: int) -> dict[str, float | None]:
     """A success rate with its 95 % Wilson interval; no rate without trials."""
     low, high = wilson_interval(successes, trials)

@@ -8,22 +8,52 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from p2l.artifacts import finite
+from p2l.artifacts import finite, save_arrays, save_json
+from p2l.evaluation.sheets import save_sheets
 from p2l.evaluation.statistics import wilson_interval
 from p2l.evaluation.style import plain
 from p2l.preconditions.backwards import Chaining, ChainingOptions, Samples, fit_one
 from p2l.preconditions.classifier import PreconditionClassifier
+from p2l.preconditions.record import save_preconditions
 from p2l.records import BoolArray, IntArray
 from p2l.seeding import generator
 from p2l.transfer.calibration import reliability
 
 CLOSE = 0.75  # share of the training samples; a count above it is too close to all of them for a point of its own
+
+
+def precondition_report(
+    out: Path, item: str, chaining: Chaining, options: ChainingOptions, counts: Sequence[int], seed: int
+) -> None:
+    """Write preconditions.npz, samples.npz, scores.csv, calibration.csv, accuracy.csv, a figure and summary.json.
+
+    Args:
+        out: folder.
+        item: the world's name, for the title.
+        chaining: what Algorithm 2 made.
+        options: it was made with.
+        counts: see `sample_curve`.
+        seed: of the curve.
+    """
+    tables = {
+        "scores": score_table(chaining),
+        "calibration": calibration_table(chaining),
+        "accuracy": sample_curve(chaining, options, counts, seed),
+    }
+    facts = summary(chaining, tables["scores"])
+    title = f"{item}: preconditions from {facts['samples']} samples"
+    figure = precondition_figure(tables["scores"], tables["calibration"], tables["accuracy"], title)
+    save_preconditions(out / "preconditions.npz", chaining.preconditions)
+    save_arrays(out / "samples.npz", chaining.sample_arrays(), schema="precondition_samples", version=1)
+    save_sheets(out, tables, {"preconditions": figure})
+    save_json(out / "summary.json", facts, schema="preconditions_summary", version=1)
 
 
 def score_table(chaining: Chaining) -> pd.DataFrame:

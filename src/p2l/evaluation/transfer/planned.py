@@ -7,14 +7,24 @@ among them more often than among all pairs. How well a predictor ranks those is 
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from p2l.evaluation.transfer.scores import Predictions
+from p2l.artifacts import save_json
+from p2l.evaluation.transfer.scores import Predictions, records, score_table
 from p2l.team.execute import Truth
 
 GROUP = "planned"
+
+
+def planned_report(
+    out: Path, plans: pd.DataFrame, truths: Mapping[int, Truth], draws: int, rng: np.random.Generator
+) -> None:
+    """Write predictions.json, the scores of `planned_predictions`; `rng` resamples tasks for the intervals."""
+    scores = score_table([planned_predictions(plans, truths, draws)], rng)
+    save_json(out / "predictions.json", {"scores": records(scores)}, schema="planned_predictions", version=1)
 
 
 def planned_predictions(
