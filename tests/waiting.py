@@ -50,3 +50,11 @@ def run(command, *, check=False, **keywords):
     done = subprocess.CompletedProcess(command, process.returncode, out, err)
     assert not check or done.returncode == 0, f"{command}\n{out[-4000:]}\n{err[-4000:]}"
     return done
+
+
+def until(condition):
+    """Return once `condition()` holds; what never comes is an error in the end."""
+    start = time.monotonic()
+    while not condition():
+        assert time.monotonic() - start < IDLE_S, "it never came"
+        time.sleep(0.02)

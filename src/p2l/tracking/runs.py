@@ -1,7 +1,8 @@
 """Experiment tracking: what a stage measured goes to MLflow, in batches, and never half-way.
 
 `start` opens (or resumes) a run before any compute, so that an unreachable store costs nothing. Metrics are buffered
-and sent with `log_batch`: one `log_metric` costs 40 to 80 ms when several processes share a sqlite store. The run's id
+and sent with `log_batch`, by a thread (`outbox`): one `log_metric` costs 40 to 80 ms when several processes share a
+sqlite store, and a server that has gone costs minutes. The run's id
 is kept in the output folder: a process that was killed leaves its run RUNNING, and the next one with the same
 configuration in the same folder continues it. MLflow is imported only when tracking is on (1.1 s).
 """
@@ -21,6 +22,7 @@ from typing import TYPE_CHECKING
 from p2l.artifacts import write_text
 from p2l.errors import P2LError, TrackingError
 from p2l.tracking.about import VALUE_LIMIT, RunCard, flatten, note_of, provenance
+from p2l.tracking.outbox import FOLDER, Outbox
 from p2l.tracking.store import connect, experiment, safe_uri
 
 if TYPE_CHECKING:
@@ -53,13 +55,14 @@ class Tracker:
         """Close the run as FINISHED, FAILED or KILLED."""
 
 
-@dataclass
+@dataclass(kw_only=True)
 class MlflowTracker(Tracker):
     """Sends metrics to one MLflow run."""
 
     client: MlflowClient
     card: RunCard
     run_id: str
+    outbox: Outbox
     _pending: list[tuple[str, float, int, int]] = field(default_factory=list)
     _headline: dict[str, float] = field(default_factory=dict)
     _paragraphs: list[str] = field(default_factory=list)
@@ -84,7 +87,7 @@ class MlflowTracker(Tracker):
     def artifact(self, path: Path | str, folder: str | None = None) -> None:
         """Copy a file to the run's artifacts."""
         self._has_records = True
-        self._attempt(lambda: self.client.log_artifact(self.run_id, str(path), folder), f"artifact {path}")
+        self.outbox.put("artifact", path=str(Path(path).absolute()), folder=folder)
 
     def note(self, markdown: str) -> None:
         """Add a paragraph to `mlflow.note.content`."""
@@ -92,15 +95,11 @@ class MlflowTracker(Tracker):
         self._paragraphs.append(markdown)
 
     def flush(self) -> None:
-        """Send buffered metrics; if the store has gone they wait for the next flush, since compute is worth more."""
-        from mlflow.entities import Metric
-
+        """Hand buffered metrics to the queue; it does not wait for the store, since compute is worth more."""
         self._last_flush = time.monotonic()
-        while self._pending:
-            batch = [Metric(*row) for row in self._pending[:_METRICS_PER_BATCH]]
-            if not self._attempt(lambda batch=batch: self.client.log_batch(self.run_id, metrics=batch), "metrics"):  # type: ignore[misc]
-                return
-            del self._pending[: len(batch)]
+        for first in range(0, len(self._pending), _METRICS_PER_BATCH):
+            self.outbox.put("metrics", rows=self._pending[first : first + _METRICS_PER_BATCH])
+        self._pending = []
 
     @property
     def is_blank(self) -> bool:
@@ -109,26 +108,22 @@ class MlflowTracker(Tracker):
 
     def discard(self) -> None:
         """Delete the run."""
-        self._attempt(lambda: self.client.delete_run(self.run_id), "deletion")
-
-    def finish(self, status: str) -> None:
-        """Send everything, write the note and end the run."""
-        self.flush()
-        if self._not_finite:
-            names = ", ".join(sorted(self._not_finite))
-            self._attempt(lambda: self.client.set_tag(self.run_id, "not_finite", names[:VALUE_LIMIT]), "tag")
-        text = note_of(self.card, self._headline, self._paragraphs)[:VALUE_LIMIT]
-        self._attempt(lambda: self.client.set_tag(self.run_id, "mlflow.note.content", text), "note")
-        self._attempt(lambda: self.client.set_terminated(self.run_id, status), "end of run")
-
-    def _attempt(self, send: Callable[[], object], what: str) -> bool:
+        self.outbox.close()
         try:
-            send()
+            self.client.delete_run(self.run_id)
         except Exception as error:  # MLflow, SQLAlchemy and requests each raise their own
             reason = safe_uri(str(error).split("\n")[0][:200])
-            log.warning("MLflow did not take %s of run %s: %s", what, self.run_id, reason)
-            return False
-        return True
+            log.warning("MLflow did not delete the empty run %s: %s", self.run_id, reason)
+
+    def finish(self, status: str) -> None:
+        """Queue everything, the note and the end of the run, and wait until it is sent or the store fails."""
+        self.flush()
+        if self._not_finite:
+            self.outbox.put("tag", key="not_finite", value=", ".join(sorted(self._not_finite))[:VALUE_LIMIT])
+        text = note_of(self.card, self._headline, self._paragraphs)[:VALUE_LIMIT]
+        self.outbox.put("tag", key="mlflow.note.content", value=text)
+        self.outbox.put("end", status=status, end_time=int(time.time() * 1000))
+        self.outbox.close()
 
 
 @contextmanager
@@ -157,7 +152,8 @@ def start(card: RunCard, out: Path, root: Path, *, enabled: bool = True, uri: st
         raise TrackingError(f"MLflow at {safe_uri(store)} refuses the run: {safe_uri(str(error)[:300])}") from error
     record = {"run_id": run_id, "store": safe_uri(store), "config_hash": card.config_hash}
     write_text(out / RUN_FILE, json.dumps(record) + "\n")
-    tracker = MlflowTracker(client=client, card=card, run_id=run_id, _has_records=resumed is not None)
+    outbox = Outbox(client, run_id, safe_uri(store), root / FOLDER, out / FOLDER)
+    tracker = MlflowTracker(client=client, card=card, run_id=run_id, outbox=outbox, _has_records=resumed is not None)
     try:
         yield tracker
     except P2LError as error:
@@ -191,7 +187,15 @@ def open_sweep(
     run = client.create_run(experiment(client, store, stage), tags=tags, run_name=name)
     note = f"Parent of a sweep; its jobs are below.\n\n```\n{command}\n```"
     client.set_tag(run.info.run_id, "mlflow.note.content", note[:VALUE_LIMIT])
-    return run.info.run_id, lambda status: client.set_terminated(run.info.run_id, status)
+
+    def close(status: str) -> None:
+        try:
+            client.set_terminated(run.info.run_id, status)
+        except Exception as error:  # the jobs have done their work
+            reason = safe_uri(str(error).split("\n")[0][:200])
+            log.warning("MLflow did not take the end of the sweep %s: %s", run.info.run_id, reason)
+
+    return run.info.run_id, close
 
 
 def _resume(client: MlflowClient, card: RunCard, out: Path, store: str) -> str | None:
