@@ -165,6 +165,22 @@ def test_jobs_are_children_of_their_sweep(store, client, tmp_path, monkeypatch):
     assert "seed=0,1" in client.get_run(parent).data.tags["mlflow.note.content"]
 
 
+def test_jobs_that_a_launcher_took_down_do_not_run_for_ever(store, client, tmp_path, monkeypatch):
+    """After Ctrl-C in a joblib sweep the jobs stayed RUNNING."""
+    monkeypatch.setenv("MLFLOW_TRACKING_URI", store)
+    parent, close = open_sweep("collect", "stopped", "python -m stages.collect -m seed=0,1", tmp_path)
+    with start(card(parent=parent), tmp_path / "done", tmp_path) as done:
+        pass
+    experiment = client.get_run(parent).info.experiment_id
+    mine, other = (
+        client.create_run(experiment, tags={"mlflow.parentRunId": name}).info.run_id for name in (parent, "another")
+    )
+    close("KILLED")
+    status = {name: client.get_run(run).info.status for name, run in
+              {"parent": parent, "done": done.run_id, "mine": mine, "other": other}.items()}  # fmt: skip
+    assert status == {"parent": "KILLED", "done": "FINISHED", "mine": "KILLED", "other": "RUNNING"}
+
+
 def touch(store, out, start_line):
     start_line.wait()
     with start(card(stage="fresh"), out, out, uri=store) as track:

@@ -181,7 +181,11 @@ def _was_stopped(error: BaseException | None) -> bool:
 def open_sweep(
     stage: str, name: str, command: str, root: Path, uri: str | None = None
 ) -> tuple[str, Callable[[str], None]]:
-    """Create the parent run of a sweep; returns its id and a function that ends it with a status."""
+    """Create the parent run of a sweep; returns its id and a function that ends it with a status.
+
+    Unless that is FINISHED, jobs that are still RUNNING end as KILLED: their launcher took their processes down before
+    they could say so.
+    """
     store, client = connect(root, uri)
     tags = {"mlflow.runName": name, "stage": stage, "kind": "sweep", **provenance(root)}
     run = client.create_run(experiment(client, store, stage), tags=tags, run_name=name)
@@ -191,6 +195,11 @@ def open_sweep(
     def close(status: str) -> None:
         try:
             client.set_terminated(run.info.run_id, status)
+            if status == "FINISHED":
+                return
+            mine = f"tags.`mlflow.parentRunId` = '{run.info.run_id}' and attributes.status = 'RUNNING'"
+            for job in client.search_runs([run.info.experiment_id], mine):
+                client.set_terminated(job.info.run_id, "KILLED")
         except Exception as error:  # the jobs have done their work
             reason = safe_uri(str(error).split("\n")[0][:200])
             log.warning("MLflow did not take the end of the sweep %s: %s", run.info.run_id, reason)
