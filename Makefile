@@ -36,7 +36,7 @@ $(OURS):
 $(STAMP): requirements.lock | $(OURS)
 	rm -f $(VENV)/.installed-*
 	"$(PYTHON)" -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet -r requirements.lock
+	$(BIN)/python -m pip install --quiet --no-deps -r requirements.lock # complete, but for the OpenCV that wants a screen
 	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation -e .
 	$(BIN)/python -c 'from p2l.team.facility import load_kernels; load_kernels()' # compiled once, kept beside the sources
 	touch $@
@@ -68,7 +68,7 @@ lock: ## pin the newest allowed versions anew (pyproject.toml says what is allow
 	"$(PYTHON)" -m venv build/lock
 	build/lock/bin/python -m pip install --quiet --upgrade pip setuptools
 	build/lock/bin/python -m pip install --quiet --group dev -e .
-	build/lock/bin/python -m pip freeze --all --exclude-editable --exclude pip | sed -E 's/\+cpu$$//' > requirements.lock
+	build/lock/bin/python -m pip freeze --all --exclude-editable --exclude pip | sed -E -e 's/\+cpu$$//' -e 's/^opencv-python==/opencv-python-headless==/' > requirements.lock
 	rm -rf build/lock
 
 clean: ## remove hand runs and caches; data/, results/ and the runs in mlflow.db stay

@@ -14,6 +14,8 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
+from p2l.gl import forget_missing as _forget_missing_gl
+
 if TYPE_CHECKING:
     from p2l.chaining.policy import load_policy
     from p2l.domains.table import make_domain
@@ -29,6 +31,8 @@ if TYPE_CHECKING:
     from p2l.team.planners import plan
     from p2l.team.problem import Decision, Plan, Problem
     from p2l.worlds.table import make_world
+
+_forget_missing_gl()
 
 __version__ = "0.2.0"
 __all__ = [

@@ -70,7 +70,12 @@ class Registry(Generic[Factory]):
         if not isinstance(name, str):
             raise ConfigError(f"{self.kind}: given {name!r}; expected a name or 'package.module:attribute'")
         if name in self._loaders:
-            return self._loaders[name]()
+            try:
+                return self._loaders[name]()
+            except ImportError as error:
+                if "libGL" not in str(error):
+                    raise
+                raise ConfigError(f"{self.kind} '{name}': {error}; {_SCREEN}") from error
         if (target := self.target(name)) is not None:
             return self._import(target)
         raise ConfigError(
@@ -163,6 +168,12 @@ class Registry(Generic[Factory]):
             if isinstance(error, AttributeError) and module in sys.modules:
                 raise ConfigError(f"{self.kind} '{target}': module '{module}' has no '{attribute}'") from error
             raise ConfigError(f"{self.kind} '{target}': {_importing(module, error)}") from error
+
+
+_SCREEN = (
+    "robosuite imports OpenCV, whose usual build wants a screen: `pip install opencv-python-headless` in the place of "
+    "opencv-python, or `apt install libgl1`"
+)
 
 
 def _importing(module: str, error: Exception) -> str:

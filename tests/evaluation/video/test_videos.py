@@ -7,6 +7,7 @@ import imageio_ffmpeg
 import numpy as np
 import pytest
 
+from p2l import gl
 from p2l.artifacts import load_json
 from p2l.contracts.world import View
 from p2l.evaluation.video import player as videos
@@ -114,6 +115,6 @@ def test_without_a_gl_the_work_goes_on_without_videos(pushed, tmp_path, fresh, c
 
 
 def test_drawing_may_be_switched_off(fresh):
-    fresh.setattr(videos, "GL_CHOICE", "disable")
+    fresh.setattr(gl, "CHOICE", "disable")
     with pytest.raises(NoGLError, match="MUJOCO_GL=disable; unset it"):
         backend()

@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from p2l import gl
 from p2l.artifacts import atomic
 from p2l.contracts.rows import Rows
 from p2l.contracts.world import View, World
@@ -34,7 +35,6 @@ if TYPE_CHECKING:
 Frames = npt.NDArray[np.uint8]
 BACKENDS = ("egl", "osmesa")
 INSTALL = "apt install libegl1 libgl1-mesa-dri (or libosmesa6)"
-GL_CHOICE = os.environ.get("MUJOCO_GL", "").strip().lower()  # before robosuite, imported later, sets it
 _PROBE = "import mujoco.{0} as gl; context = gl.GLContext(8, 8); context.make_current(); context.free()"
 _RED = np.array([200, 40, 40], dtype=np.uint8)
 
@@ -70,10 +70,10 @@ def backend() -> str:
     Raises:
         NoGLError: none.
     """
-    if GL_CHOICE in ("0", "off", "false", "disable", "disabled"):
-        raise NoGLError(f"no videos: MUJOCO_GL={GL_CHOICE}; unset it to draw them")
+    if gl.CHOICE in ("0", "off", "false", "disable", "disabled"):
+        raise NoGLError(f"no videos: MUJOCO_GL={gl.CHOICE}; unset it to draw them")
     problems: dict[str, str] = {}
-    for name in sorted(BACKENDS, key=lambda name: name != GL_CHOICE):
+    for name in sorted(BACKENDS, key=lambda name: name != gl.CHOICE):
         if (problem := _probe(name)) is None:
             return name
         problems[name] = problem
