@@ -9,7 +9,9 @@ from hypothesis.extra.numpy import arrays
 from p2l.errors import ShapeError
 from p2l.evaluation.statistics import (
     bootstrap_interval,
+    mean_interval,
     paired_difference,
+    rate_interval,
     resample_weights,
     t_interval,
     wilson_interval,
@@ -34,6 +36,43 @@ def test_wilson_by_hand_for_one_of_two():
 
 def test_wilson_without_trials_knows_nothing():
     assert wilson_interval(0, 0) == (0.0, 1.0)
+
+
+def test_a_rate_of_trainings_by_hand():
+    over = rate_interval([45, 48, 30], [50, 50, 50])  # 90, 96 and 60 %
+    assert (float(over.mean), over.n) == (pytest.approx(0.82), 3)
+    half = 4.30265273 * np.std([0.9, 0.96, 0.6], ddof=1) / np.sqrt(3)  # Student's quantile of two degrees of freedom
+    assert (float(over.low), float(over.high)) == (pytest.approx(0.82 - half), 1.0)
+    one = rate_interval([8, 0], [10, 0])  # the second was judged on nothing
+    assert (float(one.low), one.n) == (pytest.approx(0.4902, abs=1e-4), 10)
+    assert rate_interval([0], [0]).n == 0
+    with pytest.raises(ShapeError, match="between 0 and trials"):
+        rate_interval([3], [2])
+
+
+def test_trainings_that_agree_are_no_proof():
+    """Five policies that never succeed in 20 episodes had an interval of no width."""
+    never, pooled = rate_interval([0] * 5, [20] * 5), wilson_interval(0, 100)
+    assert (float(never.low), float(never.high)) == (0.0, float(pooled[1]))
+
+
+@given(st.lists(st.tuples(st.integers(0, 50), st.integers(0, 50)), min_size=1, max_size=8))
+def test_a_rate_of_trainings_holds_its_mean_and_what_the_episodes_leave_open(counts):
+    successes = np.array([one for one, _ in counts])
+    trials = np.array([sum(pair) for pair in counts])
+    over = rate_interval(successes, trials)
+    if not over.n:
+        return
+    assert 0.0 <= over.low <= over.mean <= over.high <= 1.0
+    low, high = wilson_interval(successes.sum(), trials.sum())
+    assert over.low <= low + 1e-12
+    assert over.high >= high - 1e-12
+
+
+def test_a_mean_of_trainings_counts_trainings_and_one_its_episodes():
+    assert mean_interval([[1.0, 3.0], [5.0]]).n == 2
+    assert float(mean_interval([[1.0, 3.0], [5.0]]).mean) == 3.5
+    assert mean_interval([[1.0, 2.0, 3.0]]).n == 3
 
 
 @given(st.integers(0, 200), st.integers(0, 200))

@@ -6,6 +6,7 @@ import numpy as np
 from hydra import compose, initialize_config_dir
 
 from examples.push.skills import DOWN, behind
+from p2l.manifest import write_manifest
 from p2l.schema import SCHEMAS, resolve, validate
 from p2l.skills.follow import Follow, Waypoints
 from p2l.tracking import RunCard, Tracker, start
@@ -64,10 +65,12 @@ def run(name, out, **changes):
     out.mkdir(parents=True, exist_ok=True)
     if store is None:
         STAGES[name].run.__wrapped__(cfg, out, Tracker())
+        write_manifest(out)
         return
     card = RunCard(name, cfg.subject, cfg.method, cfg.seed, cfg.model_dump(mode="json"), cfg.hash, "a test")
     with start(card, out, ROOT, uri=store) as track:
         STAGES[name].run.__wrapped__(cfg, out, track)
+    write_manifest(out)
 
 
 def found(folder):

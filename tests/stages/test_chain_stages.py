@@ -28,6 +28,7 @@ from p2l.chaining.policy import load_policy, policy_hash
 from p2l.errors import ArtifactError, ConfigError
 from p2l.evaluation.video.player import NoGLError, backend
 from p2l.failures.record import load_failures, open_world
+from p2l.manifest import write_manifest
 from p2l.schema import SCHEMAS, ChainRecoveriesConfig, resolve, validate
 from p2l.tracking import RunCard, Tracker, start
 from stages import _stage, chain_recoveries, cluster, discover, evaluate_chains, watch
@@ -85,6 +86,7 @@ def run(name, out, track=None, **changes):
     plain |= {"item": "push", "world": PUSH, **changes}
     out.mkdir(parents=True, exist_ok=True)
     STAGES[name].run.__wrapped__(validate(plain, SCHEMAS[name], "test"), out, track or Tracker())
+    write_manifest(out)
 
 
 def learn(found, out, learner="rc", **changes):

@@ -10,9 +10,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+import numpy.typing as npt
 import pandas as pd
 
-from p2l.evaluation.statistics import Interval, wilson_interval
+from p2l.evaluation.statistics import Interval, rate_interval, wilson_interval
 
 COLUMNS = ("method", "setting", "metric", "mean", "low", "high", "n", "thesis")
 Row = tuple[str, str, str, float, float, float, int]
@@ -34,6 +35,13 @@ def rate_row(method: str, setting: str, metric: str, successes: int, trials: int
         return method, setting, metric, np.nan, np.nan, np.nan, 0
     low, high = wilson_interval(successes, trials)
     return method, setting, metric, successes / trials, float(low), float(high), trials
+
+
+def trained_row(method: str, setting: str, metric: str, hits: npt.ArrayLike, seeds: npt.ArrayLike) -> Row:
+    """A rate of something learnt, from outcomes [N] with the seed [N] of the training behind each (`rate_interval`)."""
+    outcomes = pd.DataFrame({"hit": np.asarray(hits, dtype=float), "seed": np.asarray(seeds)})
+    counts = outcomes.groupby("seed")["hit"].agg(["sum", "count"])
+    return interval_row(method, setting, metric, rate_interval(counts["sum"], counts["count"]))
 
 
 def table_of(rows: Sequence[Row] | pd.DataFrame) -> pd.DataFrame:

@@ -1,10 +1,15 @@
 """Intervals for what is reported: rates, means, and differences of paired measurements.
 
+What is learnt is judged by its trainings: episodes of one policy are alike, so an interval over the pooled episodes of
+five trainings says nothing of a sixth. `rate_interval` and `mean_interval` are the one convention, and `TRAININGS` says
+it in captions. Where nothing was trained, episodes are the samples.
+
 Arrays are [..., S] with the S samples last; results drop that axis. Nothing is drawn without an `rng`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import cast
 
@@ -14,6 +19,11 @@ from scipy import stats
 
 from p2l.errors import ShapeError
 from p2l.records import Array
+
+TRAININGS = (
+    "95 % intervals: Student's t over the trainings where there are several, which n then counts, and for rates never "
+    "narrower than Wilson's over all episodes; over episodes where there is one training, or nothing is trained."
+)
 
 
 @dataclass(frozen=True)
@@ -62,6 +72,42 @@ def t_interval(values: npt.ArrayLike, level: float = 0.95) -> Interval:
         return Interval(mean, nothing, nothing, n)
     half = stats.t.ppf(0.5 + level / 2, n - 1) * samples.std(axis=-1, ddof=1) / np.sqrt(n)
     return Interval(mean, mean - half, mean + half, n)
+
+
+def rate_interval(successes: npt.ArrayLike, trials: npt.ArrayLike, level: float = 0.95) -> Interval:
+    """Rate of something learnt, from the successes and trials [S] of its trainings; those without a trial do not count.
+
+    Several trainings: the mean of their rates, and Student's t limits over them, within [0, 1], but never narrower than
+    Wilson's over all trials, since few trainings may agree by chance; `n` counts trainings. One: Wilson's limits over
+    its trials, which `n` counts. None: NaN.
+
+    Raises:
+        ShapeError: negative counts, or more successes than trials.
+    """
+    count, total = np.broadcast_arrays(np.asarray(successes, float), np.asarray(trials, float))
+    low, high = wilson_interval(count, total, level)
+    some = np.flatnonzero(total > 0)
+    if len(some) > 1:
+        over = t_interval(count[some] / total[some], level)
+        pooled = wilson_interval(count.sum(), total.sum(), level)
+        limits = np.minimum(over.low, pooled[0]), np.maximum(over.high, pooled[1])
+        return Interval(over.mean, np.maximum(limits[0], 0.0), np.minimum(limits[1], 1.0), over.n)
+    if not len(some):
+        nothing = np.asarray(np.nan)
+        return Interval(nothing, nothing, nothing, 0)
+    [only] = some
+    return Interval(np.asarray(count[only] / total[only]), low[only], high[only], int(total[only]))
+
+
+def mean_interval(groups: Sequence[npt.ArrayLike], level: float = 0.95) -> Interval:
+    """Mean of something learnt, from the measurements of each training: of their means, else of the only one's.
+
+    Raises:
+        ShapeError: no training, or one that measured nothing.
+    """
+    if len(groups) == 1:
+        return t_interval(groups[0], level)
+    return t_interval([float(_samples(group).mean()) for group in groups], level)
 
 
 def bootstrap_interval(

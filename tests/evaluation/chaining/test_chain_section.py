@@ -156,7 +156,7 @@ def test_novel_starts_strategies_and_the_ablation_are_told(made):
     section = chain_reuse.figure_5_9(made)
     [novel] = readings(section)
     assert novel.agrees == "yes"
-    assert "pick_place: 25.0 [14.2, 40.2] % of 40 starts are outside, of which 100.0" in novel.ours
+    assert "pick_place: 25.0 [14.2, 40.2] % of the starts are outside, of which 100.0" in novel.ours
     assert [part.name for part in section.parts if isinstance(part, Picture)] == ["figure_5_9", "figure_5_9_shelf"]
     [film] = [part for part in section.parts if isinstance(part, Films)]
     assert film.films == [

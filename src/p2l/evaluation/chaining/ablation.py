@@ -27,7 +27,9 @@ OWN = "as_given"  # the world as it is configured
 
 
 def ablation_5(world: str, episodes: Mapping[str, pd.DataFrame], thesis: Thesis) -> pd.DataFrame:
-    """Success of every variant (pooled over seeds, Wilson limits), and how its policies act (by seed, t limits).
+    """Success of every variant over its trainings, and how its policies act.
+
+    Intervals are `statistics.rate_interval`'s, and t limits over the trainings.
 
     Args:
         world: configured.

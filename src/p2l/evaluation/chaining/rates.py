@@ -6,29 +6,27 @@ from typing import Any
 
 import pandas as pd
 
-from p2l.evaluation.statistics import wilson_interval
+from p2l.evaluation.rows import Row, rate_row, trained_row
 
 
 def totals(episodes: pd.DataFrame) -> dict[str, dict[str, Any]]:
-    """Rates of one learner with 95 % Wilson intervals: overall success, that of the nominal skills, and of recoveries.
+    """Rates of one learner with 95 % intervals: overall success, that of the nominal skills, and of recoveries.
 
-    A learner of the whole task has the first alone.
+    The first and the last depend on trainings (`statistics.rate_interval`), the nominal skills on none (Wilson's). A
+    learner of the whole task has the first alone.
 
     Args:
         episodes: rows of `p2l.chaining.episodes.episodes_of_seed`.
     """
     sound = episodes[~episodes["diverged"]]
     flagged = sound[sound["flagged"]]
-    parts = {
-        "success": (sound["success"], len(sound)),
-        "nominal": (sound["nominal"], len(sound)),
-        "recovery": (flagged["success"], len(flagged)),
-    }
-    if episodes["whole_task"].all():
-        del parts["nominal"], parts["recovery"]
-    return {name: _rate(int(good.sum()), count) for name, (good, count) in parts.items()}
+    rows = [trained_row("", "", "success", sound["success"], sound["seed"])]
+    if not episodes["whole_task"].all():
+        rows.append(rate_row("", "", "nominal", int(sound["nominal"].sum()), len(sound)))
+        rows.append(trained_row("", "", "recovery", flagged["success"], flagged["seed"]))
+    return {row[2]: _plain(row) for row in rows}
 
 
-def _rate(successes: int, trials: int) -> dict[str, Any]:
-    low, high = wilson_interval(successes, trials)
-    return {"mean": successes / max(trials, 1), "low": float(low), "high": float(high), "n": trials}
+def _plain(row: Row) -> dict[str, Any]:
+    *_, mean, low, high, n = row
+    return {"mean": mean, "low": low, "high": high, "n": n} if n else {"mean": 0.0, "low": 0.0, "high": 1.0, "n": 0}

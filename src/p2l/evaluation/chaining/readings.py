@@ -38,8 +38,8 @@ def of_worlds(claims: Claims, cells: Cells) -> list[Reading]:
             agrees = "partly" if ours["mean"] < ours["thesis"] else "yes"
         recovery = cells[setting, MAIN, "recovery"]
         text = (
-            f"{world}: nominal {percent(base)}, with RC {percent(ours)} of {ours['n']} episodes; "
-            f"{percent(recovery)} of {recovery['n']} failures are recovered."
+            f"{world}: nominal {percent(base)}, with RC {percent(ours)}; "
+            f"{percent(recovery)} of the failures are recovered."
         )
         readings.append(Reading(claim, text, agrees if claim else "unsaid"))
     return readings
@@ -83,19 +83,8 @@ def of_laziness(cells: Cells) -> list[str]:
 
 
 def _apart(cells: Cells, setting: str, better: str, worse: str) -> bool:
-    """Whether one method is above another, 95 % intervals apart; those over seeds where there are several.
-
-    Wilson's limits take all episodes for independent; those over seeds also hold what differs between trainings.
-    """
-    names = ("success_by_seed", "success")
-    high, low = (
-        next(
-            cell
-            for name in names
-            if (cell := cells.get((setting, method, name))) and (name == "success" or cell["n"] > 1)
-        )
-        for method in (better, worse)
-    )
+    """Whether one method is above another, 95 % intervals apart."""
+    high, low = (cells[setting, method, "success"] for method in (better, worse))
     return bool(float(high["low"]) > float(low["high"]))
 
 
@@ -145,7 +134,7 @@ def of_transfer(claim: str, rows: pd.DataFrame) -> Reading:
     texts = []
     for row in rows.to_dict("records"):
         where = str(row["setting"]).rpartition("=")[2].replace("_", " ")
-        texts.append(f"{where} {percent(row)} of {row['n']}" if row["n"] else f"{where}: no failure was induced")
+        texts.append(f"{where} {percent(row)}" if row["n"] else f"{where}: no failure was induced")
     comparable = rows[rows["thesis"].notna() & (rows["n"] > 0)]
     agrees: Agreement = "unsaid"
     if len(comparable):

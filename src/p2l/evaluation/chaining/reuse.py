@@ -8,10 +8,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from p2l.chaining.novelty import SETS
-from p2l.evaluation.rows import Row, rate_row, table_of
+from p2l.evaluation.rows import Row, table_of, trained_row
 from p2l.evaluation.style import plain
 from p2l.evaluation.thesis import Thesis
-from p2l.records import BoolArray
 
 TABLE = "figure_5_9"
 ANY = "any"
@@ -22,7 +21,8 @@ NAMES = {"outside_visited": "where it is at work", "outside_begun": "where it be
 
 def figure_5_9(world: str, reuse: pd.DataFrame, thesis: Thesis) -> pd.DataFrame:
     """For every option, and `any`: `outside_<set>`, the share of its starts that are outside a set of nominal states;
-    `pays_outside_<set>` and `pays_inside_<set>`, how many of those starts end with the task done. Wilson limits.
+    `pays_outside_<set>` and `pays_inside_<set>`, how many of those starts end with the task done.
+    Intervals are `statistics.rate_interval`'s.
 
     Args:
         world: name of the item.
@@ -38,9 +38,10 @@ def figure_5_9(world: str, reuse: pd.DataFrame, thesis: Thesis) -> pd.DataFrame:
                 off = starts[f"off_{name}"].to_numpy(dtype=float) > 1.0
                 success = starts["success"].to_numpy(dtype=bool)
                 setting = f"world={world};option={option}"
-                rows.append(_rate(str(learner), setting, f"outside_{name}", off))
-                rows.append(_rate(str(learner), setting, f"pays_outside_{name}", success[off]))
-                rows.append(_rate(str(learner), setting, f"pays_inside_{name}", success[~off]))
+                seeds, method = starts["seed"].to_numpy(), str(learner)
+                rows.append(trained_row(method, setting, f"outside_{name}", off, seeds))
+                rows.append(trained_row(method, setting, f"pays_outside_{name}", success[off], seeds[off]))
+                rows.append(trained_row(method, setting, f"pays_inside_{name}", success[~off], seeds[~off]))
     return thesis.beside(table_of(rows), TABLE)
 
 
@@ -87,7 +88,3 @@ def _points(axes: Axes, rows: pd.DataFrame, options: list[str], shift: float, co
     axes.errorbar(mean, places, xerr=[mean - low, high - mean], fmt="o", color=colour, capsize=3, ms=5, label=label)
     for place, count in zip(places, rows["n"], strict=True):
         axes.annotate(f"n={count}", (COUNTS_AT, place), color=colour, fontsize=7, va="center")
-
-
-def _rate(method: str, setting: str, metric: str, hits: BoolArray) -> Row:
-    return rate_row(method, setting, metric, int(hits.sum()), len(hits))

@@ -12,6 +12,7 @@ from p2l.evaluation.chaining.reuse import ANY, novel_starts
 from p2l.evaluation.chaining.views import CHAPTER, STAGE, absent_section, commands, joint_table, sheet
 from p2l.evaluation.page.page import Agreement, Films, Part, Picture, Reading, Section
 from p2l.evaluation.page.sources import Sources
+from p2l.evaluation.statistics import TRAININGS
 from p2l.evaluation.style import png
 
 COMMAND = "scripts/thesis_ablation.sh"
@@ -30,9 +31,7 @@ def recovery_strategies(sources: Sources) -> Section:
     table = joint_table(sources, "strategies_5")
     if not len(table):
         return Section(title, ["Left out: no learner's recoveries were followed (reuse.learners)."])
-    caption = (
-        "share: of the recovered failures; recovery: of the failures on which it was tried. 95 % Wilson intervals."
-    )
+    caption = f"share: of the recovered failures; recovery: of the failures on which it was tried. {TRAININGS}"
     return Section(title, [sheet("strategies_5", table, table, caption)], commands(sources))
 
 
@@ -48,7 +47,7 @@ def figure_5_9(sources: Sources) -> Section:
     for place, world in enumerate(sources.chain_worlds):
         if table["setting"].str.startswith(f"world={world};").any():
             name = "figure_5_9" if place == 0 else f"figure_5_9_{world}"
-            parts.append(Picture(name, png(novel_starts(table, world, MAIN)), f"{world}; 95 % Wilson intervals."))
+            parts.append(Picture(name, png(novel_starts(table, world, MAIN)), f"{world}. {TRAININGS}"))
         films, reason = sources.videos(world, STAGE)
         entries = [
             (f"{world} reuse", mp4, f"{world}, the most novel start that paid: {one['told']}") for one, mp4 in films
@@ -74,7 +73,8 @@ def ablation_5(sources: Sources) -> Section:
     table = pd.concat(tables, ignore_index=True)
     caption = (
         "Success and recovery of policies learnt and judged in each variant; `primitives` before control is handed "
-        "back; `open_loop`: share of decisions that are the commonest at their number (1: one fixed sequence)."
+        f"back; `open_loop`: share of decisions that are the commonest at their number (1: one fixed sequence). "
+        f"{TRAININGS}"
     )
     return Section(title, [sheet("ablation_5", table, table, caption)], [COMMAND])
 
@@ -92,7 +92,7 @@ def _novel(claim: str, table: pd.DataFrame) -> Reading:
         if option != ANY or outside is None or pays is None or not outside["n"]:
             continue
         rest = f", of which {percent(pays)} end with the task done" if pays["n"] else ""
-        texts.append(f"{world}: {percent(outside)} of {outside['n']} starts are outside{rest}")
+        texts.append(f"{world}: {percent(outside)} of the starts are outside{rest}")
         verdicts.append(bool(pays["n"]) and bool(pays["mean"] > 0.0))
     agrees: Agreement = "unsaid"
     if verdicts:

@@ -14,13 +14,13 @@ from p2l.evaluation.page.page import Part, Picture, Section, Sheet
 from p2l.evaluation.page.sources import Sources
 from p2l.evaluation.page.views import plain_setting, setting_label
 from p2l.evaluation.sheets import aggregates
+from p2l.evaluation.statistics import TRAININGS
 from p2l.evaluation.style import png
 
 PROTOCOL_5_1 = (
     "Every learner meets the same start states, none of which learning or choosing a policy has seen. Where a detector "
-    "fires, the recovery takes over; RL acts alone, from the start of the task. Intervals are Wilson's over the "
-    "episodes of all seeds; by seed they are t intervals of the seeds' rates, which also hold what differs between "
-    "runs of learning."
+    "fires, the recovery takes over; RL acts alone, from the start of the task. "
+    f"{TRAININGS}"
 )
 PROTOCOL_5_2 = (
     "Policies of RC, unchanged, from failures that a misplaced shelf induces, or, in robosuite, those of its own "
@@ -43,7 +43,7 @@ def table_5_1(sources: Sources) -> Section:
     numbers = {
         f"table_5_1/{setting.removeprefix('world=')}/{method}/{metric}": float(row["mean"])
         for (setting, method, metric), row in cells.items()
-        if metric != "success_by_seed" and not math.isnan(row["mean"])
+        if not math.isnan(row["mean"])
     }
     return Section(title, parts, commands(sources), numbers)
 
@@ -114,7 +114,7 @@ def table_5_2(sources: Sources) -> Section:
     claim = sources.chapter(CHAPTER).claims["table_5_2", "transfer"]
     table = aggregates(full)
     rows = table[table["metric"] == "recovery"]
-    caption = "Recovery rate: 95 % Wilson intervals over all seeds' failures; by seed in the file."
+    caption = f"Recovery rate. {TRAININGS} Each training is in the file."
     parts: list[Part] = [PROTOCOL_5_2, readings.of_transfer(claim, rows), sheet("table_5_2", rows, full, caption)]
     numbers = {
         f"table_5_2/{plain_setting(str(row['setting']))}/{row['method']}": float(row["mean"])
@@ -140,10 +140,7 @@ def _success(name: str, table: pd.DataFrame, cells: readings.Cells) -> Sheet:
             value = math.nan if row is None else float(row["thesis"])
             thesis.append("–" if math.isnan(value) else f"{100.0 * value:.3g} %")
         rows += [ours, thesis]
-    episodes = aggregates(table).query("metric == 'success'")["n"].max()
-    caption = (
-        f"Overall success with 95 % intervals, up to {episodes} episodes each; recoveries and seeds are in the file."
-    )
+    caption = f"Overall success. {TRAININGS} Recoveries and single trainings are in the file."
     return Sheet(name, table, ["", *(METHODS.get(method, f"Nominal + {method}") for method in methods)], rows, caption)
 
 

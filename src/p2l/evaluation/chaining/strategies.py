@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import pandas as pd
 
-from p2l.evaluation.rows import Row, rate_row, table_of
+from p2l.evaluation.rows import Row, table_of, trained_row
 from p2l.evaluation.thesis import Thesis
 
 TABLE = "strategies_5"
 
 
 def strategies_5(world: str, reuse: pd.DataFrame, thesis: Thesis) -> pd.DataFrame:
-    """Of every strategy, `share`: of the recovered failures; `recovery`: of the failures it was tried on (Wilson).
+    """Of every strategy, `share`: of the recovered failures; `recovery`: of the failures it was tried on.
+
+    Intervals are `statistics.rate_interval`'s.
 
     Args:
         world: name of the item.
@@ -23,7 +25,6 @@ def strategies_5(world: str, reuse: pd.DataFrame, thesis: Thesis) -> pd.DataFram
         success = part["success"].astype(bool)
         for name in sorted(set(part["strategy"])):
             mine, setting = part["strategy"] == name, f"world={world};strategy={name}"
-            successes = int((mine & success).sum())
-            rows.append(rate_row(str(learner), setting, "share", successes, int(success.sum())))
-            rows.append(rate_row(str(learner), setting, "recovery", successes, int(mine.sum())))
+            for metric, among, hits in (("share", success, mine), ("recovery", mine, success)):
+                rows.append(trained_row(str(learner), setting, metric, hits[among], part["seed"][among]))
     return thesis.beside(table_of(rows), TABLE)

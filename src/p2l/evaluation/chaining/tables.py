@@ -40,25 +40,21 @@ class Learning:
 def table_5_1(episodes: Mapping[str, pd.DataFrame], thesis: Thesis) -> pd.DataFrame:
     """Overall success of every learner in every world, beside the nominal skills.
 
-    `success` pools the episodes of all seeds (Wilson limits); `success_by_seed` is the mean of the seeds' rates (t
-    limits, which also hold what differs between training runs); `recovery` counts only episodes that were flagged, and
-    is left out for learners of the whole task. `success_minus_rc` is a learner's rate less that of RC on the same
-    start states: mean and t limits of the seeds' differences.
-    Rows with a seed have the rates of its episodes.
+    Intervals are `statistics.rate_interval`'s; those of the nominal skills, which no training changes, are Wilson's.
+    `recovery` counts only episodes that were flagged, and is left out for learners of the whole task.
+    `success_minus_rc` is a learner's rate less that of RC on the same start states: mean and t limits of the seeds'
+    differences. Rows with a seed have the rates of its episodes.
     """
     rows: list[Row] = []
     for world, table in episodes.items():
         setting = f"world={world}"
         for learner, part in table.groupby("learner", sort=False):
             rates = totals(part)
-            by_seed = part[~part["diverged"]].groupby("seed")["success"].mean().to_numpy(dtype=float)
-            seeds = t_interval(by_seed)
             names = [name for name in ("success", "recovery") if name in rates]
             rows += [_of(str(learner), setting, name, rates[name]) for name in names]
             for seed, own in part.groupby("seed"):
                 alone = totals(own)
                 rows += [_of(str(learner), f"{setting};seed={seed}", name, alone[name]) for name in names]
-            rows.append(interval_row(str(learner), setting, "success_by_seed", seeds))
         rows += _beside_main(table, setting)
         recovering = table[~table["whole_task"]]
         if len(recovering):

@@ -6,7 +6,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, PercentFormatter
 
-from p2l.evaluation.statistics import wilson_interval
+from p2l.evaluation.statistics import rate_interval, wilson_interval
 from p2l.evaluation.style import plain
 
 ALL = "all"
@@ -18,7 +18,8 @@ def success_table(rows: pd.DataFrame) -> pd.DataFrame:
 
     Args:
         rows: those of each round and seed up to `successes`. Round 0 has no recoveries; `found` are the new failures
-            that a round learns from. Rounds of all seeds get an aggregate row too, whose `seed` is "all".
+            that a round learns from. Rounds of all seeds get an aggregate row too, whose `seed` is "all"; its interval
+            is `statistics.rate_interval`'s.
     """
     seeds = rows["seed"].nunique()
     groups = [(number, group) for number, group in rows.groupby("round") if len(group) == seeds]
@@ -28,11 +29,16 @@ def success_table(rows: pd.DataFrame) -> pd.DataFrame:
     ]
     table = pd.concat([rows.astype({"seed": str, "modes": "Int64"}), pd.DataFrame(aggregates)], ignore_index=True)
     low, high = wilson_interval(table["successes"], table["episodes"])
-    return table.assign(success=table["successes"] / table["episodes"], low=low, high=high)
+    table = table.assign(success=table["successes"] / table["episodes"], low=low, high=high)
+    for number, group in groups:
+        over = rate_interval(group["successes"], group["episodes"])
+        here = (table["seed"] == ALL) & (table["round"] == number)
+        table.loc[here, ["success", "low", "high"]] = float(over.mean), float(over.low), float(over.high)
+    return table
 
 
 def success_figure(table: pd.DataFrame, title: str) -> Figure:
-    """Pooled success with its 95 % interval, and each seed as a faint line."""
+    """Success over all seeds with its 95 % interval, and each seed as a faint line."""
     figure = Figure(figsize=(6.0, 4.0), layout="constrained")
     axes = figure.add_subplot()
     for _, mine in table[table["seed"] != ALL].groupby("seed"):

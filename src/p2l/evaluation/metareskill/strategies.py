@@ -12,17 +12,18 @@ from p2l.evaluation.metareskill.tables import UNSEEN
 from p2l.evaluation.page.page import Agreement, Part, Picture, Reading, Section, Sheet
 from p2l.evaluation.page.sources import Sources
 from p2l.evaluation.page.views import estimate, setting_label, stage_commands
+from p2l.evaluation.statistics import TRAININGS
 from p2l.metareskill.strategy_names import OPEN_LOOP, RECOVERIES
 
 CHAPTER, STAGE = 4, "evaluate_recoveries"
 NEAR = 0.05  # a success rate this far below the thesis's still counts as reproduced
 IN_PERCENT = ("success", "gain", "recovered", "diverged")
-TABLE_METRICS = ("success", "success_by_seed", "path_m_success", "options", "gain")
+TABLE_METRICS = ("success", "path_m_success", "options", "gain")
 CURVE_METRICS = ("final_gain", "budget_share", "better", "trained")
 PROTOCOL_4_1 = (
     "Every strategy meets the same start states, none of which training or measuring has seen; the estimate's standard "
-    "deviation halves after every skill, and an episode has at most 10. Gains are paired; their intervals resample "
-    "seeds and, within them, episodes."
+    "deviation halves after every skill, and an episode has at most 10. Gains are paired; their 95 % intervals "
+    f"resample trainings and, within them, episodes. Else, {TRAININGS}"
 )
 PROTOCOL_4_2 = (
     "The estimate is exact once the first skill has ended. Recoveries, preconditions and failure modes are those "
@@ -93,7 +94,7 @@ def _strategies(sources: Sources, world: str, table: pd.DataFrame) -> Reading:
     agrees: Agreement = "no"
     if ours["mean"] >= ours["thesis"] - NEAR and OPEN_LOOP in gains and gains[OPEN_LOOP]["low"] > 0.0:
         agrees = "yes" if all(row["low"] > 0.0 for row in gains.values()) else "partly"
-    return Reading(claim, f"{world}: {_percent(ours)} of {ours['n']} episodes; {', '.join(margins)}.", agrees)
+    return Reading(claim, f"{world}: {_percent(ours)}; {', '.join(margins)}.", agrees)
 
 
 def _doors(sources: Sources, world: str, table: pd.DataFrame) -> Reading:
@@ -134,7 +135,7 @@ def _sheet(name: str, table: pd.DataFrame, metrics: Sequence[str]) -> Sheet:
         thesis = "–" if math.isnan(reference) else f"{reference:.3g}"
         rows.append([method, setting_label(str(row["setting"])), metric, ours, thesis, str(row["n"])])
     return Sheet(
-        name, table, ["", "", "", "ours", "thesis", "n"], rows, "95 % intervals; single seeds are in the file."
+        name, table, ["", "", "", "ours", "thesis", "n"], rows, f"{TRAININGS} Single trainings are in the file."
     )
 
 

@@ -2,11 +2,13 @@
 
 Columns are those of `evaluation.rows`.
 
-- `success`: rate, Wilson limits over episodes.
-- `success_by_seed`: mean of the seeds' rates, t limits, which cover the variation between runs of learning, too.
+Intervals of learnt recoveries are over trainings (`statistics.rate_interval`, `mean_interval`); those of the other
+strategies, which no training changes, are over episodes.
+
+- `success`: rate.
 - `gain`: success minus that of the method `over`, on the same start rows; the bootstrap resamples seeds and within
   them episodes.
-- `path_m`: path length of the end effector, m, t limits over episodes; `path_m_success` of the successful episodes
+- `path_m`: path length of the end effector, m; `path_m_success` of the successful episodes
   alone, and `path_m_success_sd` its standard deviation. The thesis's "cost (m)" is read as the latter two: without
   recovery a third of its episodes ends early, and yet their cost is that of open loop, ± 0.02 m.
 - `options`: skills executed in an episode; `recovered`: share of episodes with a skill that is none of the nominal.
@@ -21,11 +23,10 @@ from collections.abc import Sequence
 import numpy as np
 import pandas as pd
 
-from p2l.evaluation.rows import Row, interval_row, rate_row, setting_of, single_row, table_of
-from p2l.evaluation.statistics import Interval, resample_weights, t_interval
+from p2l.evaluation.rows import Row, interval_row, rate_row, setting_of, single_row, table_of, trained_row
+from p2l.evaluation.statistics import Interval, mean_interval, resample_weights
 from p2l.evaluation.thesis import Thesis
 from p2l.metareskill.strategy_names import OPEN_LOOP, RECOVERIES
-from p2l.records import BoolArray
 
 TABLE_4_1, TABLE_4_2 = "table_4_1", "table_4_2"
 UNSEEN = "unseen"
@@ -94,28 +95,22 @@ def _rows(method: str, setting: str, part: pd.DataFrame) -> list[Row]:
     rows: list[Row] = []
     for seed, own in part.groupby("seed", sort=True):
         rows += _measures(method, setting_of(f"seed={seed}", setting), own)
-    rows += _measures(method, setting, part)
-    sound = part[~part["diverged"]]
-    rates = sound.groupby("seed")["success"].mean().to_numpy(dtype=float)
-    if len(rates) > 1:
-        rows.append(interval_row(method, setting, "success_by_seed", t_interval(rates)))
-    return rows
+    return rows + _measures(method, setting, part)
 
 
 def _measures(method: str, setting: str, part: pd.DataFrame) -> list[Row]:
     sound = part[~part["diverged"]]
-    path = sound["path_m"].to_numpy(dtype=float)
-    rows = [_rate(method, setting, "success", sound["success"].to_numpy(dtype=bool))]
-    good = path[sound["success"].to_numpy(dtype=bool)]
-    for name, values in (("path_m", path), ("path_m_success", good)):
-        if len(values):
-            rows.append(interval_row(method, setting, name, t_interval(values)))
+    good = sound[sound["success"].astype(bool)]
+    rows = [_rate(method, setting, "success", sound, sound["success"])]
+    for name, column, among in (("path_m", "path_m", sound), ("path_m_success", "path_m", good)):
+        if len(among):
+            rows.append(_mean(method, setting, name, among, column))
     if len(good) > 1:
-        rows.append(single_row(method, setting, "path_m_success_sd", float(good.std(ddof=1)), len(good)))
+        rows.append(single_row(method, setting, "path_m_success_sd", float(good["path_m"].std(ddof=1)), len(good)))
     if len(sound):
-        rows.append(interval_row(method, setting, "options", t_interval(sound["options"].to_numpy(dtype=float))))
-    rows.append(_rate(method, setting, "recovered", (sound["recoveries"] > 0).to_numpy()))
-    rows.append(_rate(method, setting, "diverged", part["diverged"].to_numpy(dtype=bool)))
+        rows.append(_mean(method, setting, "options", sound, "options"))
+    rows.append(_rate(method, setting, "recovered", sound, sound["recoveries"] > 0))
+    rows.append(_rate(method, setting, "diverged", part, part["diverged"]))
     return rows
 
 
@@ -151,5 +146,13 @@ def _with_gains(table: pd.DataFrame, thesis: Thesis, item: str) -> pd.DataFrame:
     return table.assign(thesis=np.array(references, dtype=float))
 
 
-def _rate(method: str, setting: str, metric: str, hits: BoolArray) -> Row:
+def _rate(method: str, setting: str, metric: str, episodes: pd.DataFrame, hits: pd.Series[bool]) -> Row:
+    if method == RECOVERIES:
+        return trained_row(method, setting, metric, hits, episodes["seed"])
     return rate_row(method, setting, metric, int(hits.sum()), len(hits))
+
+
+def _mean(method: str, setting: str, metric: str, episodes: pd.DataFrame, column: str) -> Row:
+    values = episodes[column].astype(float)
+    groups = [own for _, own in values.groupby(episodes["seed"])] if method == RECOVERIES else [values]
+    return interval_row(method, setting, metric, mean_interval(groups))
