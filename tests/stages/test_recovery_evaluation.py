@@ -39,7 +39,9 @@ def test_every_item_leaves_a_record_and_every_strategy_meets_the_same_starts(lea
     assert len(list((tmp_path / "records").iterdir())) == 12
     table = pd.read_csv(tmp_path / "a" / "table_4_1.csv").fillna({"setting": ""})
     pooled = table[(table["metric"] == "success") & (table["setting"] == "")]
-    assert (pooled["n"] == 12).all()
+    trained = pooled["method"] == "recoveries"
+    assert (pooled["n"][trained] == 2).all()  # trainings
+    assert (pooled["n"][~trained] == 12).all()  # episodes
     assert len(table[(table["metric"] == "gain") & ~table["setting"].str.startswith("seed=")]) == 5
     assert len(pd.read_csv(tmp_path / "a" / "table_4_2.csv")) == 0
     assert load_json(tmp_path / "a" / "summary.json", schema="recovery_evaluation", version=1)["headline"]

@@ -1,8 +1,10 @@
 """The whole report over hand-made stage outputs: everything is there, nothing is fetched, nothing changes by itself."""
 
+import json
 import re
 import shutil
 from html.parser import HTMLParser
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -11,7 +13,7 @@ import yaml
 
 from p2l.artifacts import load_json, save_arrays, save_json, save_table
 from p2l.errors import ArtifactError
-from p2l.evaluation.page.files import save_report
+from p2l.evaluation.page.files import narrow, save_report
 from p2l.evaluation.page.page import Films, Picture, Reading, Section, Sheet, render
 from p2l.evaluation.page.sources import Sources
 from p2l.evaluation.page.views import averages, estimate, plain_setting, setting_label
@@ -23,6 +25,8 @@ from p2l.evaluation.thesis import load_thesis
 from p2l.records import TransferData
 from tests.evaluation.team.team_results import FOLDER, METHODS, plans, results, study
 from tests.sealing import seal
+
+ROOT = Path(__file__).resolve().parents[3]
 
 REGIMES = {
     "high_teaching": {"c_rob": 10, "c_hum": 100, "c_fail": 100, "c_demo": 200, "levels": [0, 2]},
@@ -338,3 +342,24 @@ def test_a_film_outside_its_folder_is_not_embedded(tmp_path, name):
     save_json(folder / "videos.json", index, schema="videos", version=1)
     with pytest.raises(ArtifactError, match="lies outside its folder"):
         Sources(tmp_path / "data", FOLDER, DOMAINS, WORLDS).videos("door")
+
+
+def test_the_few_numbers_of_dvc_metrics_have_short_names_and_fit_a_terminal():
+    """`dvc metrics show` was 11,610 columns wide."""
+    numbers = {
+        "table_3_2/adl": 866.55,
+        "table_3_2/adl_any": 769.8,
+        "figure_4_7/door/over_round_robin/final_gain": 0.25038,
+        "table_4_1/door/recoveries/success": 0.986,
+        "table_4_1/door/recoveries/over_open_loop/gain": 0.25,
+        "table_5_1/pick_place/rc/success": 0.921,
+        "table_5_1/pick_place/rc/recovery": 0.7,
+    }
+    few = {"lego_cost": 866.55, "door_value_gain": 0.2504, "door_recoveries": 0.986, "pick_place_rc": 0.921}
+    assert narrow(numbers) == few
+    metrics = [stage.get("metrics", []) for stage in yaml.safe_load((ROOT / "dvc.yaml").read_text())["stages"].values()]
+    assert [name for names in metrics for name in names] == ["data/report/headline.json"]
+
+
+def test_headlines_are_on_disk(report):
+    assert json.loads((report / "headline.json").read_text())["lego_cost"] == 900.0
