@@ -2,7 +2,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help venv install repro test lint ui watch thesis lock clean
+.PHONY: help venv install repro checkout test lint ui watch thesis lock clean
 
 PYTHON ?= python3.11
 PORT ?= 5000
@@ -42,6 +42,7 @@ $(STAMP): requirements.lock | $(OURS)
 	touch $@
 
 repro: $(STAMP) ## run the whole pipeline (preset of conf/pipeline.yaml); only what changed
+	@[ -e .git ] || $(BIN)/dvc config --local core.no_scm true # a ZIP download: DVC does without git
 	$(BIN)/dvc repro
 
 lint: $(STAMP) ## ruff, mypy --strict, import-linter, repeated code
@@ -51,8 +52,11 @@ lint: $(STAMP) ## ruff, mypy --strict, import-linter, repeated code
 	$(BIN)/lint-imports
 	$(BIN)/python -m pylint --disable=all --enable=duplicate-code --min-similarity-lines=10 --score=n src/p2l
 
-test: lint ## lint, then every test, with a smoke run of the pipeline in a temporary clone
+test: checkout lint ## lint, then every test, with a smoke run of the pipeline in a temporary clone
 	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder # a file's tests share a set-up; the longest file comes early
+
+checkout:
+	@git rev-parse --git-dir > /dev/null 2>&1 || { echo "make: this is no git checkout (a ZIP download?), and the tests clone it: git init && git add -A && git commit -m downloaded" >&2; exit 2; }
 
 ui: $(STAMP) ## browse the runs: http://127.0.0.1:5000, or make ui PORT=…
 	$(BIN)/mlflow ui --backend-store-uri "$${MLFLOW_TRACKING_URI:-$$($(BIN)/python -c 'import pathlib, p2l.tracking; print(p2l.tracking.default_store(pathlib.Path()))')}" --host 127.0.0.1 --port $(PORT)

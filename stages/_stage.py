@@ -41,6 +41,7 @@ from p2l.schema import PATHS, StageConfig, resolve, validate
 from p2l.text import printable
 from p2l.tracking import RUN_FILE, RunCard, Tracker, safe_uri, start
 from stages import ROOT
+from stages._stdout import listen
 
 ConfigT = TypeVar("ConfigT", bound=StageConfig)
 StageFunction = Callable[[ConfigT, Path, Tracker], None]
@@ -108,6 +109,7 @@ def _command_line(name: str, entry: Callable[[], Any]) -> int:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # an ASCII terminal is no reason to fail after the work is done
             stream.reconfigure(errors="backslashreplace")
+    listen()
     signal.signal(signal.SIGTERM, _terminate)
     try:
         entry()

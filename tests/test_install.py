@@ -92,3 +92,14 @@ def test_the_thesis_script_refuses_a_folder_that_it_did_not_make(kind, tmp_path)
     assert done.returncode == 2
     assert f"{mine} " in done.stderr
     assert (mine / "notes.txt").read_text() == "mine"
+
+
+def test_a_zip_download_is_told_before_anything_is_installed(tmp_path):
+    """DVC's and the tests' own complaints came after the whole install."""
+    shutil.copy(ROOT / "Makefile", tmp_path)
+    (tmp_path / "requirements.lock").write_text("")
+    done = make(tmp_path, "test")
+    assert done.returncode == 2
+    assert "this is no git checkout (a ZIP download?)" in done.stderr
+    assert not (tmp_path / ".venv").exists()
+    assert "core.no_scm true" in make(tmp_path, "-n", "repro").stdout  # the pipeline needs none

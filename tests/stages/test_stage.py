@@ -279,3 +279,34 @@ def test_a_stage_that_goes_on_has_a_folder_of_its_configuration():
     assert folders[0] == folders[1]
     assert len(set(folders)) == 3
     assert folders[0].startswith("outputs/app/pick_place-")  # compose knows no stage
+
+
+ORDERS = "task,c_rob,c_hum,c_fail,c_demo,pretrained\na,10,100,100,200,0.95\n"
+TRANSFER = "task,a\na,0.95\n"
+
+
+def shell(line, folder):
+    """Run a line of bash in `folder`, where two tasks lie."""
+    (folder / "orders.csv").write_text(ORDERS)
+    (folder / "transfer.csv").write_text(TRANSFER)
+    known = {**os.environ, "PYTHONPATH": str(ROOT), "PYTHON": sys.executable}
+    return waiting.run(["bash", "-c", f"set -o pipefail\n{line}"], cwd=folder, env=known)
+
+
+def test_a_reader_who_leaves_does_not_fail_the_work(tmp_path):
+    """The run was FAILED, with a traceback, after its files were written."""
+    plan = "$PYTHON -m stages.plan tasks=orders.csv transfer=transfer.csv tracking.enabled=false hydra.run.dir=out"
+    done = shell(f"{plan} | true", tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert (tmp_path / "out" / "manifest.json").is_file()  # the last thing that a stage writes
+    helped = shell("$PYTHON -m stages.plan --help | head -1", tmp_path)
+    assert (helped.returncode, helped.stderr) == (0, "")
+    assert helped.stdout.startswith("plan: ")
+
+
+def test_tasks_may_come_through_a_pipe(tmp_path):
+    """`tasks=<(…)` was no such file."""
+    pipes = "tasks=<(cat orders.csv) transfer=<(cat transfer.csv)"
+    done = shell(f"$PYTHON -m stages.plan {pipes} tracking.enabled=false hydra.run.dir=out", tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "proven optimal" in done.stdout

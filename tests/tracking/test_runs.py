@@ -4,13 +4,14 @@ import json
 import multiprocessing
 import os
 import signal
+import subprocess
 
 import pytest
 from mlflow import MlflowClient
 
 from p2l.errors import InputError
 from p2l.tracking import RUN_FILE, RunCard, open_sweep, start
-from p2l.tracking.about import flatten
+from p2l.tracking.about import flatten, provenance
 from tests import waiting
 
 
@@ -211,6 +212,22 @@ def test_a_store_that_breaks_during_the_run_does_not_take_the_work_with_it(store
             track.flush()
             waiting.until(lambda: "does not take what it is sent" in caplog.text)
     assert MlflowClient(tracking_uri=store).get_run(track.run_id).data.metrics == {"x": 1.0}
+
+
+def test_a_checkout_of_another_owner_is_told_once(monkeypatch, caplog, tmp_path):
+    """Commit and dirty flag were missing without a word."""
+    subprocess.run(["git", "init", "--quiet", tmp_path], check=True)
+    monkeypatch.setenv("GIT_TEST_ASSUME_DIFFERENT_OWNER", "1")
+    for _ in range(2):
+        assert "git_commit" not in provenance(tmp_path)
+    [record] = caplog.records
+    assert f"safe.directory {tmp_path}" in record.getMessage()
+    outside = tmp_path / "outside"
+    outside.mkdir()
+    monkeypatch.setenv("GIT_CEILING_DIRECTORIES", str(tmp_path))
+    monkeypatch.delenv("GIT_TEST_ASSUME_DIFFERENT_OWNER")
+    assert "git_commit" not in provenance(outside)
+    assert len(caplog.records) == 1
 
 
 def test_nothing_is_written_when_tracking_is_off(tmp_path):

@@ -146,7 +146,7 @@ def _table(path: Path) -> tuple[list[str], list[Row]]:
     """Header and rows with their line numbers; cells are stripped, blank lines skipped, lengths checked."""
     if path.is_dir():
         raise InputError.at(path, None, None, "is a directory; give the CSV file itself")
-    if not path.is_file():
+    if not path.exists():  # a pipe, such as the shell's <(…), will do
         raise InputError.at(path, None, None, "no such file; check the path")
     try:
         with path.open(encoding="utf-8-sig", newline="") as stream:

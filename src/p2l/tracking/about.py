@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import functools
 import getpass
 import json
+import logging
 import os
+import shlex
 import subprocess
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,6 +15,7 @@ from hashlib import blake2b
 from pathlib import Path
 from typing import Any
 
+log = logging.getLogger(__name__)
 KEY_LIMIT, VALUE_LIMIT = 250, 6000  # MLflow's own
 
 
@@ -74,15 +78,28 @@ def _user() -> str:
         return str(os.getuid()) if hasattr(os, "getuid") else "unknown"
 
 
+@functools.cache
+def _tell_of_owner(root: Path) -> None:
+    log.warning(
+        "%s belongs to another user, so git refuses it, and runs carry neither commit nor dirty flag; "
+        "to trust it: git config --global --add safe.directory %s", root, shlex.quote(str(root)),
+    )  # fmt: skip
+
+
 def provenance(root: Path) -> dict[str, str]:
-    """Commit, dirty flag and hash of `dvc.lock`; empty outside a git checkout."""
+    """Commit, dirty flag and hash of `dvc.lock`; empty outside a git checkout.
+
+    A warning says so where git refuses a checkout that is there, because it belongs to another user.
+    """
 
     def git(*arguments: str) -> str | None:
         try:
-            run = subprocess.run(["git", *arguments], cwd=root, capture_output=True, text=True, check=True, timeout=20)
+            run = subprocess.run(["git", *arguments], cwd=root, capture_output=True, text=True, timeout=20)
         except (OSError, subprocess.SubprocessError):
             return None
-        return run.stdout.strip()
+        if "safe.directory" in run.stderr:
+            _tell_of_owner(root)
+        return run.stdout.strip() if run.returncode == 0 else None
 
     tags = {"mlflow.user": _user(), "mlflow.source.type": "LOCAL"}
     if commit := git("rev-parse", "HEAD"):
