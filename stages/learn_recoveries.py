@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import logging
 from pathlib import Path
+from typing import Any
 
 from p2l.artifacts import save_arrays
 from p2l.evaluation.metareskill.training import learning_report
 from p2l.metareskill.choosers.table import make_chooser
 from p2l.metareskill.history import History
-from p2l.metareskill.learn import record_history, train_recoveries
+from p2l.metareskill.learn import train_recoveries
 from p2l.metareskill.loop import check_budget
 from p2l.metareskill.record import collect, save_recoveries
+from p2l.metareskill.reported import keep_history, reported_split
+from p2l.records import Array
 from p2l.schema import LearnRecoveriesConfig
 from p2l.tracking import Tracker
 from stages._bridge import code_of, tell
@@ -28,31 +31,29 @@ def run(cfg: LearnRecoveriesConfig, out: Path, track: Tracker) -> None:
     """Train with every chooser and seed; keep the first chooser's skills, all rounds, and figures 4.6 and 4.7."""
     choosers = {name: make_chooser(cfg.choosers[name].key, cfg.choosers[name].params) for name in cfg.compare}
     inputs, records = inputs_of(cfg), cfg.records or out / "records"
-    setting, rounds, episodes = inputs.setting, cfg.rounds, cfg.episodes
+    setting, budget = inputs.setting, dict[str, Any](rounds=cfg.rounds, episodes=cfg.episodes)
     for chooser in choosers.values():
-        check_budget(setting.graph, chooser, rounds, episodes)
+        check_budget(setting.graph, chooser, **budget)
     code = code_of("learn_recoveries", cfg, cfg.records)
+    split = reported_split(setting, inputs.train, cfg.reported)
     histories: dict[tuple[int, str], History] = {}
+    values: dict[tuple[int, str], Array] = {}
     with counter(f"learn {cfg.item}", "round", cfg.rounds * len(choosers) * len(cfg.seeds)) as show:
         for seed in cfg.seeds:
             trainer = setting.trainer(seed, records / f"{cfg.item}-ledger-s{seed}.npz", code)
             for name, chooser in choosers.items():
                 with child(track, cfg, "learn_recoveries", name, seed, out / "runs" / f"s{seed}" / name) as tracker:
                     report = round_teller(tracker, show)
-                    history = train_recoveries(
-                        trainer, setting.graph, chooser, rounds=rounds, episodes=episodes, report=report
-                    )
-                settings = {"rounds": rounds, "episodes": episodes, **cfg.choosers[name].model_dump()}
-                record_history(records, cfg.item, trainer, name, history, settings)
-                histories[seed, name] = history
+                    history = train_recoveries(trainer, setting.graph, chooser, report=report, **budget)
+                args = cfg.item, trainer, name, setting.graph, history, split, budget | cfg.choosers[name].model_dump()
+                histories[seed, name], values[seed, name] = history, keep_history(records, *args)
             first = histories[seed, cfg.compare[0]]
             learnt = collect(trainer, setting.modes, setting.graph, first, cfg.episodes)
             save_recoveries(out / "recoveries" / f"s{seed}.npz", learnt)
             save_arrays(out / "histories" / f"s{seed}.npz", first.arrays(), schema="recovery_history", version=1)
             if seed == cfg.seeds[0]:
                 films = film(cfg, inputs, learnt, out / "videos")
-    summary = learning_report(out, cfg.item, setting, histories, cfg.compare)
-    tell(track, summary, log, films)
+    tell(track, learning_report(out, cfg.item, setting, histories, values, cfg.compare), log, films)
 
 
 if __name__ == "__main__":

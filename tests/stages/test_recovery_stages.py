@@ -146,7 +146,7 @@ def test_a_killed_training_goes_on_to_the_bit_in_the_same_runs(folder, tracked, 
         theirs = theirs[theirs["seed"] == 0].reset_index(drop=True)
         pd.testing.assert_frame_equal(mine, theirs, check_dtype=False)  # a column of one seed may hold whole numbers
     arrays = [
-        load_arrays(out / "recoveries" / "s0.npz", schema="recoveries", version=2) for out in (tmp_path / "out", whole)
+        load_arrays(out / "recoveries" / "s0.npz", schema="recoveries", version=3) for out in (tmp_path / "out", whole)
     ]
     assert arrays[0].keys() == arrays[1].keys()
     for key, value in arrays[0].items():

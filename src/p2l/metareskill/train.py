@@ -98,14 +98,18 @@ class Trainer:
             seconds=time.perf_counter() - start,
         )
 
-    def skill(self, mode: int, target: int, trainings: int) -> ParameterisedSkill | None:
-        """The best skill of the first `trainings` of a recovery, as Algorithm 3 keeps it; None: no query was solved."""
+    def kept(self, mode: int, target: int, trainings: int) -> int | None:
+        """Number of the training whose skill Algorithm 3 keeps of the first `trainings`; None: no query was solved."""
         past = self.ledger.of(mode, target, trainings)
         numbers = [number for number, entry in enumerate(past) if entry.solved]
-        if not numbers:
+        return max(numbers, key=lambda number: (past[number].q, number)) if numbers else None
+
+    def skill(self, mode: int, target: int, trainings: int) -> ParameterisedSkill | None:
+        """The best skill of the first `trainings` of a recovery, as Algorithm 3 keeps it; None: no query was solved."""
+        if (best := self.kept(mode, target, trainings)) is None:
             return None
-        best = max(numbers, key=lambda number: (past[number].q, number))
-        solutions = [(entry.failure, entry.parameters) for entry in past[: best + 1] if entry.solved]
+        past = self.ledger.of(mode, target, best + 1)
+        solutions = [(entry.failure, entry.parameters) for entry in past if entry.solved]
         return self._fit(mode, target, solutions)
 
     def tests(self, mode: int) -> IntArray:

@@ -104,6 +104,7 @@ class LearnRecoveriesConfig(RecoveryFilesConfig):
 
     The first one's skills are kept. `seeds` are of training, drawn apart from the stage's own. `records` is where
     ledgers and histories are kept so that another machine goes on from them; null keeps them beside the results.
+    `reported` executions find the failures that values are reported of, which neither training nor choosing meets.
     """
 
     failures: Path
@@ -115,6 +116,7 @@ class LearnRecoveriesConfig(RecoveryFilesConfig):
     rounds: Count
     episodes: Count
     trials: Count
+    reported: Annotated[int, Field(ge=0)]
     regression: Literal["residual", "absolute"]
     rewards: RewardsConfig
     query: QueryConfig

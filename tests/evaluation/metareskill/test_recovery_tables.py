@@ -132,13 +132,13 @@ def test_rounds_without_a_column_or_a_seed_are_refused(tmp_path):
     path = tmp_path / "rounds.csv"
     with pytest.raises(ArtifactError, match=r"stages\.learn_recoveries"):
         read_rounds(path, [0])
-    names = ["seed", "chooser", "round", "mode", "target", "target_name", "q_after", "value"]
+    names = ["seed", "chooser", "round", "mode", "target", "target_name", "q_after", "value_reported"]
     table = pd.DataFrame([[0, "ucb1", 1, 0, 0, "a", 0.5, -3.0]], columns=names)
-    table.drop(columns="value").to_csv(path, index=False)
+    table.drop(columns="value_reported").to_csv(path, index=False)
     with pytest.raises(ArtifactError, match=r"no manifest\.json"):
         read_rounds(path, [0])
     write_manifest(tmp_path)
-    with pytest.raises(ArtifactError, match="lacks columns value"):
+    with pytest.raises(ArtifactError, match="lacks columns value_reported"):
         read_rounds(path, [0])
     table.to_csv(path, index=False)
     with pytest.raises(ArtifactError, match="not as its stage wrote it"):

@@ -21,7 +21,7 @@ from p2l.metareskill.value_iteration import value_of_failures
 from p2l.seeding import generator
 
 CHAPTER = 4
-_ROUNDS = ("seed", "chooser", "round", "mode", "target_name", "q_after", "value")
+_ROUNDS = ("seed", "chooser", "round", "mode", "target_name", "q_after", "value_reported")
 
 
 @dataclass(frozen=True)
@@ -85,7 +85,9 @@ def curve_tables(evaluation: RecoveryEvaluation) -> tuple[pd.DataFrame, pd.DataF
     rounds, graph = evaluation.rounds, next(iter(evaluation.recoveries.values())).graph
     before = float(value_of_failures(graph, np.zeros_like(graph.q)))
     starts = rounds[["seed", "chooser"]].drop_duplicates().assign(queries=0, value=before)
-    after = rounds[["seed", "chooser", "round", "value"]].rename(columns={"round": "queries"})
+    after = rounds[["seed", "chooser", "round", "value_reported"]].rename(
+        columns={"round": "queries", "value_reported": "value"}
+    )
     values = pd.concat([starts, after], ignore_index=True)
     names = dict(zip(rounds["target"], rounds["target_name"], strict=True))
     every = pd.MultiIndex.from_product([range(graph.q.shape[0]), range(graph.q.shape[1])], names=["mode", "target"])

@@ -13,25 +13,30 @@ import pandas as pd
 from p2l.metareskill.graph import SkillGraph
 from p2l.metareskill.history import History, table
 from p2l.metareskill.value_iteration import value_of_failures
+from p2l.records import Array
 
 Histories = Mapping[tuple[int, str], History]
+Values = Mapping[tuple[int, str], Array]  # [T] to be reported, by (seed, chooser)
 
 
-def rounds_table(histories: Histories, targets: Sequence[str]) -> pd.DataFrame:
-    """Every round of every seed and chooser: `seed, chooser, round, mode, target, reason, q_before, q_upper, …`."""
+def rounds_table(histories: Histories, reported: Values, targets: Sequence[str]) -> pd.DataFrame:
+    """Every round of every seed and chooser: `seed, chooser, round, mode, target, reason, q_before, q_upper, …`.
+
+    `value` is what the chooser saw; `value_reported` that on failures nobody chose by (`metareskill.reported`).
+    """
     rows = [
-        {"seed": seed, "chooser": chooser, **row}
+        {"seed": seed, "chooser": chooser, **row, "value_reported": float(value)}
         for (seed, chooser), history in histories.items()
-        for row in table(history, targets)
+        for row, value in zip(table(history, targets), reported[seed, chooser], strict=True)
     ]
     return pd.DataFrame(rows)
 
 
-def value_table(histories: Histories, graph: SkillGraph) -> pd.DataFrame:
+def value_table(reported: Values, graph: SkillGraph) -> pd.DataFrame:
     """Figure 4.7: `seed, chooser, queries, value`; 0 queries are the graph before any training."""
     rows = []
-    for (seed, chooser), history in histories.items():
-        values = [float(value_of_failures(graph)), *history.values.tolist()]
+    for (seed, chooser), after in reported.items():
+        values = [float(value_of_failures(graph)), *after.tolist()]
         rows += [(seed, chooser, queries, value) for queries, value in enumerate(values)]
     return pd.DataFrame(rows, columns=["seed", "chooser", "queries", "value"])
 

@@ -11,14 +11,21 @@ import pandas as pd
 
 from p2l.artifacts import finite, save_json
 from p2l.evaluation.metareskill.figures import allocation_figure, graph_figure, value_figure
-from p2l.evaluation.metareskill.rounds import Histories, allocation_table, comparison_table, rounds_table, value_table
+from p2l.evaluation.metareskill.rounds import (
+    Histories,
+    Values,
+    allocation_table,
+    comparison_table,
+    rounds_table,
+    value_table,
+)
 from p2l.evaluation.sheets import StageReport, save_sheets
 from p2l.metareskill.history import hopeless
 from p2l.metareskill.learn import Setting
 
 
 def learning_report(
-    out: Path, item: str, setting: Setting, histories: Histories, choosers: Sequence[str]
+    out: Path, item: str, setting: Setting, histories: Histories, reported: Values, choosers: Sequence[str]
 ) -> StageReport:
     """Write rounds.csv, figure_4_6.csv, figure_4_7.csv, choosers.csv, their figures, the graphs and summary.json.
 
@@ -27,14 +34,15 @@ def learning_report(
         item: the world's name, for titles.
         setting: shared by all.
         histories: by (seed, chooser).
+        reported: values to report of them, see `metareskill.reported`.
         choosers: the first one's skills are kept.
     """
     targets, first = setting.task.targets, choosers[0]
-    values = value_table(histories, setting.graph)
+    values = value_table(reported, setting.graph)
     allocation = allocation_table(histories, targets)
     comparison = comparison_table(values, first)
     tables = {
-        "rounds": rounds_table(histories, targets),
+        "rounds": rounds_table(histories, reported, targets),
         "figure_4_6": allocation,
         "figure_4_7": values,
         "choosers": comparison,
@@ -49,14 +57,16 @@ def learning_report(
             title = f"{item}: seed {seed}, {chooser}"
             figures[f"graphs/s{seed}"] = graph_figure(graph, history.counts, targets, title)
     save_sheets(out, tables, figures)
-    facts = _facts(setting, histories, values, comparison)
+    facts = _facts(setting, histories, reported, values, comparison)
     save_json(out / "summary.json", facts, schema="learn_summary", version=1)
     metrics = {f"value/{name}": float(value) for name, value in facts["final_value"].items()}
     files = (*(out / f"{name}.png" for name in figures), out / "rounds.csv")
     return StageReport({**metrics, "solved": facts["solved"]}, files, tuple(_notes(setting, histories)))
 
 
-def _facts(setting: Setting, histories: Histories, values: pd.DataFrame, comparison: pd.DataFrame) -> dict[str, Any]:
+def _facts(
+    setting: Setting, histories: Histories, reported: Values, values: pd.DataFrame, comparison: pd.DataFrame
+) -> dict[str, Any]:
     final = values[values["queries"] == values["queries"].max()].groupby("chooser", sort=False)["value"].mean()
     successes = [each.solved for history in histories.values() for each in history.rounds]
     against = {
@@ -68,9 +78,16 @@ def _facts(setting: Setting, histories: Histories, values: pd.DataFrame, compari
         "held_out": len(setting.held_out.mode),
         "sizes": setting.graph.sizes.tolist(),
         "final_value": {str(name): float(value) for name, value in final.items()},
+        "optimism": {str(name): _optimism(histories, reported, str(name)) for name in final.index},
         "solved": float(np.mean(successes)),
         "against": against,
     }
+
+
+def _optimism(histories: Histories, reported: Values, chooser: str) -> float:
+    """By how much the final value that a chooser saw is above the reported one, mean over seeds."""
+    ends = [history.values[-1] - reported[key][-1] for key, history in histories.items() if key[1] == chooser]
+    return float(np.mean(ends))
 
 
 def _plain(column: pd.Series[float]) -> list[float | None]:

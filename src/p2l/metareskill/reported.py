@@ -1,0 +1,141 @@
+"""The value of failures on failures that nobody chose by: a third split, for what is reported.
+
+A success rate that drives a chooser is measured on held-out failures, and of several trainings the best is kept
+(Algorithm 3): the largest of several measurements is too large on average, and more so for a chooser that goes where a
+measurement was large. So what is reported of a training is measured again: after every round the skills that were kept
+then, on failures of another seed that neither training nor choosing has met.
+
+Axis letters: T rounds, I modes, M targets.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from p2l.artifacts import config_hash
+from p2l.errors import ConfigError
+from p2l.failures.discovery import discover
+from p2l.failures.record import Failures
+from p2l.ledger import Item, find, write
+from p2l.metareskill.graph import SkillGraph
+from p2l.metareskill.history import History
+from p2l.metareskill.learn import Setting, members, record_history
+from p2l.metareskill.train import Members, Trainer
+from p2l.metareskill.value_iteration import value_of_failures
+from p2l.records import Array
+from p2l.seeding import generator
+
+SPLIT, VERSION = "reported", 1  # raise it when an edit of the code measures otherwise: committed records know no code
+
+
+@dataclass(frozen=True)
+class ReportedSplit:
+    """The third split.
+
+    Attributes:
+        failures: with their modes.
+        identity: of all that decides them.
+    """
+
+    failures: Members
+    identity: str
+
+
+def reported_split(
+    setting: Setting, train: Failures, executions: int, progress: Callable[[int], None] | None = None
+) -> ReportedSplit | None:
+    """Failures of `executions` episodes of a seed path of their own, found as the training failures were.
+
+    None for no executions: then what drives the choice is reported, too.
+
+    Raises:
+        ConfigError: a mode has no failure among them.
+        ArtifactError: there is no failure in which no learnt precondition holds.
+    """
+    if not executions:
+        return None
+    world = setting.task.world
+    starts = world.sample(generator(train.origin.seed, "discover", world.name, SPLIT), executions)
+    origin = replace(train.origin, split=SPLIT, executions=executions)
+    found = discover(world, world.nominal_options(), starts, origin, progress=progress).failures
+    failures, _ = members(setting.task, found, setting.modes)
+    sizes = np.bincount(failures.mode, minlength=len(setting.graph.sizes))
+    if empty := np.flatnonzero(sizes == 0).tolist():
+        raise ConfigError(
+            f"reported={executions}: none of these executions ends in failure modes {empty}, so that their recoveries "
+            "cannot be reported; give more, or 0 to report what drives the choice"
+        )
+    return ReportedSplit(failures, config_hash([VERSION, executions, train.origin.seed, train.origin.strategy]))
+
+
+def reported_values(
+    trainer: Trainer, graph: SkillGraph, history: History, split: Members, episodes: int = 1
+) -> list[float]:
+    """[T] value of failures after each round, with the success rates of the kept skills on `split`.
+
+    Args:
+        trainer: of one seed; its ledger holds every round.
+        graph: before any training.
+        history: the rounds.
+        split: failures with their modes.
+        episodes: trainings in a round.
+    """
+    judge = replace(trainer, held_out=split)
+    counts = np.zeros_like(history.counts)
+    q, values = graph.q.copy(), []
+    rates: dict[tuple[int, int, int], float] = {}
+    for each in history.rounds:
+        pair = each.mode, each.target
+        counts[pair] += 1
+        kept = trainer.kept(*pair, int(counts[pair]) * episodes)
+        if kept is not None and (*pair, kept) not in rates:
+            skill = trainer.skill(*pair, kept + 1)
+            assert skill is not None  # one of its queries was solved
+            rates[*pair, kept] = judge.measure(skill, *pair)[0]
+        if kept is not None:
+            q[pair] = rates[*pair, kept]
+        values.append(float(value_of_failures(graph, q)))
+    return values
+
+
+def keep_history(
+    records: Path,
+    item: str,
+    trainer: Trainer,
+    chooser: str,
+    graph: SkillGraph,
+    history: History,
+    split: ReportedSplit | None,
+    settings: Mapping[str, Any],
+) -> Array:
+    """Leave a chooser's rounds among the records; [T] the values to report, from their record or measured.
+
+    Without a split these are the values of the history.
+
+    Args:
+        records: folder of the ledger.
+        item: what was trained, for the names of the records.
+        trainer: of one seed; its ledger holds every round.
+        chooser: whose rounds.
+        graph: before any training.
+        history: the rounds.
+        split: failures that nobody chose by.
+        settings: of the chooser and of the loop; `episodes`, the trainings of a round, among them.
+    """
+    record_history(records, item, trainer, chooser, history, settings)
+    if split is None:
+        return history.values
+    identity = config_hash([trainer.ledger.identity, dict(settings), split.identity])
+    record = Item(item, f"{chooser}_{SPLIT}", trainer.seed, 0, identity)
+    if (content := find(records, record)) is None:
+        begin = time.perf_counter()
+        values = reported_values(trainer, graph, history, split.failures, int(settings["episodes"]))
+        content = {"value": [float(f"{value:.6g}") for value in values]}
+        write(records, record, content, seconds=time.perf_counter() - begin)
+    return np.array(content["value"])
