@@ -32,7 +32,10 @@ PROTOCOL_4_2 = (
 )
 CURVES = {
     "figure_4_6": "Left: value of failures while recoveries are trained in turn. Right: rounds that each recovery got.",
-    "figure_4_7": "Value of failures against queries: mean over seeds, and a band from the worst to the best.",
+    "figure_4_7": (
+        "Value of failures against queries, on failures that neither training nor choosing has met: mean over seeds, "
+        "and a band from the worst to the best."
+    ),
 }
 
 
