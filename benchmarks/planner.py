@@ -3,6 +3,7 @@
   python -m benchmarks.planner                 n = 20 ... 2,000, and the comparison at n = 1,000
   python -m benchmarks.planner --sizes 5000    certified within a gap, with peak memory
   python -m benchmarks.planner --compare 300   a smaller comparison
+  python -m benchmarks.planner --limits        how long planners take when a time limit ends them; nothing else
 
 "wide": a lesson helps on most tasks; "local": on about 2 %. Costs 10/100/100/200, tasks in the unit square.
 `seconds` is the planner's own time; loading and compiling its kernels is reported first and apart.
@@ -83,6 +84,30 @@ def compare(n: int, kind: str, seed: int, time_limit_s: float) -> list[report.Ro
     return [_row(problem, result, kind, seed), plain]
 
 
+LIMITS = (
+    ("max_form", 200, 0.05), ("max_form", 300, 5.0), ("strong", 200, 0.05), ("strong", 200, 5.0), ("highs", 1000, 2.0),
+    ("auto", 200, 2.0), ("facility", 1000, 0.2), ("greedy", 1000, 0.05), ("dual_ascent", 1000, 0.05),
+    ("exhaustive", 14, 0.05), ("auto", 10_000, 1.0), ("highs", 10_000, 5.0), ("max_form", 10_000, 1.0),
+)  # fmt: skip
+
+
+def limits() -> list[report.Row]:
+    """Wall seconds of `plan`, building and checking included, under time limits that end it early.
+
+    `allowed_s` is the limit, a tenth of it and 0.3 s; solvers have been loaded, which the first call of a process pays.
+    """
+    problems = {n: instances.geometric(n, "wide", np.random.default_rng(0)) for n in {n for _, n, _ in LIMITS}}
+    for planner in ("max_form", "strong", "highs"):
+        plan(problems[14], planner)
+    rows: list[report.Row] = []
+    for planner, n, limit_s in LIMITS:
+        begin = time.perf_counter()
+        result = plan(problems[n], planner, time_limit_s=limit_s)
+        wall = {"limit_s": limit_s, "wall_s": round(time.perf_counter() - begin, 3), "allowed_s": 1.1 * limit_s + 0.3}
+        rows.append({"planner": planner, "n": n, **wall, "status": result.status, "gap": float(f"{result.gap:.3g}")})
+    return rows
+
+
 def main(arguments: list[str] | None = None) -> None:
     """Command line."""
     parser = report.parser(__doc__)
@@ -94,8 +119,12 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--time-limit", type=float, default=60.0, metavar="S", help="seconds per plan")
     parser.add_argument("--gap", type=float, default=0.0, help="relative gap at which to stop")
     parser.add_argument("--compare", type=int, nargs="*", default=[1000], metavar="N", help="sizes of the comparison")
+    parser.add_argument("--limits", action="store_true", help="time limits alone")
     args = parser.parse_args(arguments)
     report.load_kernels()
+    if args.limits:
+        report.finish(limits(), args.json)
+        return
     rows = [
         measure(n, kind, order, seed, args.planner, args.time_limit, args.gap)
         for n in args.sizes
