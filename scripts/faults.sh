@@ -10,6 +10,9 @@ cd "$root" || exit 2
 log=$(mktemp -d)
 failed=0
 
+# Ten kills of every stage with checkpoints, records or files for other machines take a quarter of an hour more:
+#   .venv/bin/python -m pytest -m slow tests/stages/test_kills.py
+
 try() { # what goes wrong, then how pytest is asked for it
   local title=$1 word
   shift
@@ -53,6 +56,10 @@ try "8 first writers of a store, under load"  tests/tracking -k "together or mak
 kill "${busy[@]}" 2> /dev/null; busy=()
 try "a failing job of a sweep"                tests/stages/test_stage.py -k "sweep"
 try "empty inputs"                            tests/failures tests/team/test_files.py tests/sim/test_batch.py -k "empty or no_failure or no_rows or mistake"
+try "half a table, picture, film or configuration" tests/test_manifest.py tests/evaluation/page/test_report.py -k "half or change or damaged"
+try "another processor's last bits"           tests/test_archive.py tests/metareskill/test_playbook.py tests/team/test_study.py -k "kept or last_bits or ledger"
+try "a tracking server that dies"             tests/tracking/test_outbox.py
+try "no GL, or one that is not there"         tests/test_gl.py
 try "a full disk, a folder that is a file"    tests/test_artifacts.py -k "full_disk"
 try "an install beside somebody else's folders" tests/test_install.py
 [ $failed -eq 0 ] && echo "all pass" || { echo "$failed failed"; exit 1; }
