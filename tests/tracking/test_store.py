@@ -4,7 +4,9 @@ import multiprocessing
 import os
 import signal
 import socket
+import sqlite3
 import time
+from contextlib import closing
 
 import pytest
 from filelock import FileLock
@@ -115,3 +117,12 @@ def test_nobody_waits_for_the_lock_of_a_store_that_is_there(tmp_path):
     with FileLock(f"{tmp_path / 'runs.db'}.lock"):
         _, client = connect(tmp_path, uri)
     assert client.search_experiments()
+
+
+def test_a_store_that_an_earlier_kill_left_half_made_says_what_to_do(tmp_path):
+    """MLflow said "duplicate column name", and `mlflow db upgrade` failed, too."""
+    with closing(sqlite3.connect(tmp_path / "mlflow.db")) as store:
+        store.execute("CREATE TABLE experiments (experiment_id INTEGER)")
+        store.commit()
+    with pytest.raises(TrackingError, match=r"mlflow\.db: its tables are half made.*move the file away"):
+        connect(tmp_path, f"sqlite:///{tmp_path / 'mlflow.db'}")

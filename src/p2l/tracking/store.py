@@ -118,7 +118,10 @@ def _make_tables(database: Path) -> None:
         with FileLock(f"{database}.lock", timeout=_LOCK_S):
             if database.is_file():
                 _writable(database)
-            if _has_tables(database) or (database.is_file() and database.stat().st_size):
+            if _has_tables(database):
+                return
+            if database.is_file() and database.stat().st_size:  # somebody else's, or from before stores were moved
+                _check_whole(database)
                 return
             part.unlink(missing_ok=True)
             MlflowClient(tracking_uri=f"sqlite:///{quote(str(part))}").search_experiments(max_results=1)
@@ -144,6 +147,23 @@ def _has_tables(database: Path) -> bool:
             connection.close()
     except sqlite3.Error:
         return False
+
+
+def _check_whole(database: Path) -> None:
+    """Refuse a store whose making was interrupted by a kill: MLflow's tables without a version."""
+    try:
+        connection = sqlite3.connect(f"{database.as_uri()}?mode=ro", uri=True, timeout=30.0)
+        try:
+            tables = connection.execute("SELECT name FROM sqlite_master WHERE name = 'experiments'").fetchall()
+        finally:
+            connection.close()
+    except sqlite3.Error:
+        return
+    if tables:
+        raise TrackingError(
+            f"MLflow store {database}: its tables are half made, by a process that was killed, so no run is in it; "
+            f"move the file away. {_WAY_OUT}"
+        )
 
 
 def _writable(database: Path) -> None:
