@@ -28,7 +28,7 @@ for variant in "${variants[@]}"; do
   item=shelf_$variant differs=()
   [ -z "${sigma[$variant]:-}" ] || differs=("world.params.sigma_m=${sigma[$variant]}")
   [ -f "data/discover/$item/failures_train.npz" ] ||
-    python -m stages.discover "${common[@]}" "item=$item" "${differs[@]}" "hydra.run.dir=data/discover/$item"
+    python -m stages.discover "${common[@]}" records=null "item=$item" "${differs[@]}" "hydra.run.dir=data/discover/$item"
   read -ra more <<< "${learning[$variant]:-}"
   python -m stages.chain_recoveries "${common[@]}" "item=$item" "${differs[@]}" "${more[@]}" "compare=[rc]" "$seeds" \
     "hydra.run.dir=data/chain_recoveries/$item"

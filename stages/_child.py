@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import json
+import logging
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
 from p2l.artifacts import write_text
+from p2l.errors import TrackingError
 from p2l.schema import StageConfig
 from p2l.tracking import RUN_FILE, RunCard, Tracker, start
 from stages import ROOT
 
+log = logging.getLogger(__name__)
 PARENT_FILE = "parent.json"
 
 
@@ -19,6 +22,7 @@ PARENT_FILE = "parent.json"
 def child(parent: Tracker, cfg: StageConfig, stage: str, method: str, seed: int, folder: Path) -> Iterator[Tracker]:
     """A run below `parent`; `folder` remembers its id and whose child it is.
 
+    A child whose store has gone since its parent began goes untracked, with a warning.
     A child that was interrupted is continued if its parent is. One that was finished under the same parent has told
     everything: what is told again goes nowhere.
     """
@@ -40,7 +44,14 @@ def child(parent: Tracker, cfg: StageConfig, stage: str, method: str, seed: int,
         parent=parent.run_id,
     )
     _remember(folder, parent.run_id, finished=False)
-    with start(card, folder, ROOT, enabled=parent.run_id is not None, uri=cfg.tracking.uri) as track:
+    with ExitStack() as stack:
+        run = start(card, folder, ROOT, enabled=parent.run_id is not None, uri=cfg.tracking.uri)
+        try:
+            track = stack.enter_context(run)
+        except TrackingError as error:  # the store was there when the stage began, and the work is worth more
+            log.warning("%s, seed %d: goes untracked, since %s", method, seed, error)
+            yield Tracker()
+            return
         yield track
     _remember(folder, parent.run_id, finished=True)
 

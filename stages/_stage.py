@@ -120,7 +120,7 @@ def _command_line(name: str, entry: Callable[[], Any]) -> int:
         os.environ[STOPPED_VARIABLE] = by
         print(f"stage {name}: stopped by {by}", file=sys.stderr)
         return code
-    except (HydraException, OmegaConfBaseException, YAMLError, ValueError) as error:  # a job reports its own
+    except (HydraException, OmegaConfBaseException, YAMLError, ValueError, OSError) as error:  # a job reports its own
         print(f"stage {name}: {printable(_one_message(error))}\nSee `python -m stages.{name} --help`.", file=sys.stderr)
         return P2LError.exit_code
     return 0
@@ -186,14 +186,24 @@ def _job(
         _clear(out, before)
         print(f"{title}: {printable(str(error))}", file=sys.stderr)
         raise failure(error.exit_code) from None
+    except OSError as error:
+        if error.filename is None or not Path(os.fsdecode(error.filename)).is_relative_to(out):
+            _report_unexpected(title)
+            raise failure(1) from None
+        print(f"{title}: {printable(str(error.filename))}: cannot be written ({error.strerror})", file=sys.stderr)
+        raise failure(P2LError.exit_code) from None
     except (KeyboardInterrupt, Terminated, Exception) as error:
         if (stop := _stop_behind(error)) is not None:
             by, code = _STOPS[type(stop)]
             os.environ[STOPPED_VARIABLE] = by
             print(f"{title}: stopped by {by}. {_what_goes_on(name, out, before)}", file=sys.stderr)
             raise SystemExit(code) from None
-        print(f"{title}: unexpected error\n{traceback.format_exc()}", file=sys.stderr)
+        _report_unexpected(title)
         raise failure(1) from None
+
+
+def _report_unexpected(title: str) -> None:
+    print(f"{title}: unexpected error\n{traceback.format_exc()}", file=sys.stderr)
 
 
 def _terminate(number: int, frame: object) -> None:  # noqa: ARG001

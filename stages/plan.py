@@ -24,8 +24,9 @@ def run(cfg: PlanConfig, out: Path, track: Tracker) -> None:
 def _own_tasks(cfg: PlanConfig, tasks: Path, transfer: Path, out: Path, track: Tracker) -> None:
     from p2l.evaluation.team.plan import save_plan_figure
     from p2l.team.files import read_problem
-    from p2l.team.plan_files import explain, write_plan
+    from p2l.team.plan_files import check_place, explain, write_plan
 
+    check_place(out, (tasks, transfer))
     problem = read_problem(tasks, transfer, cfg.order)
     options = {"theta": cfg.theta} if cfg.planner == "cba" else {}
     day = plan(problem, cfg.planner, time_limit_s=cfg.time_limit_s, gap=cfg.gap, **options)

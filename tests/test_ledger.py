@@ -7,7 +7,7 @@ from p2l.metareskill.ledger import Entry, Ledger
 from p2l.skills.relative import SIZE
 
 
-def test_a_record_of_another_configuration_stays_and_both_are_found(tmp_path):
+def test_a_record_of_another_configuration_stays_and_both_are_found(tmp_path, caplog):
     one, other = (Item("door", "rc", 0, 0, name) for name in ("one", "other"))
     write(tmp_path, one, {"value": 1}, seconds=1.0)
     write(tmp_path, other, {"value": 2}, seconds=1.0)
@@ -17,6 +17,7 @@ def test_a_record_of_another_configuration_stays_and_both_are_found(tmp_path):
     assert sorted(file.name for file in tmp_path.iterdir()) == ["door-rc-s0-b0-other.json", "door-rc-s0-b0.json"]
     (tmp_path / one.file).write_text("{}")
     assert find(tmp_path, one) is None
+    assert "made anew" in caplog.text
     write(tmp_path, one, {"value": 4}, seconds=1.0)
     assert find(tmp_path, one) == {"value": 4}
 

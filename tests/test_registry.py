@@ -1,5 +1,7 @@
 """One registry: names of ours, entry points, targets; one message for what is unknown and for what is not taken."""
 
+import signal
+import time
 from importlib.metadata import EntryPoint
 
 import pytest
@@ -111,3 +113,29 @@ def test_a_target_must_be_callable_and_its_module_importable(pairs, tmp_path, mo
     ):
         with pytest.raises(ConfigError, match=f"importing '{module}' failed: {message}"):
             pairs.check(f"{module}:made")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_stop_while_a_world_is_imported_is_not_swallowed(number):
+    """robosuite looks for optional packages in bare `except` clauses, and Ctrl-C in that moment was lost."""
+
+    def load():
+        try:
+            signal.raise_signal(number)
+            time.sleep(0.01)
+        except:  # noqa: E722
+            came.append("swallowed")
+        return dict
+
+    def stop(*_):
+        raise KeyboardInterrupt
+
+    came = []
+    before = signal.signal(number, stop)
+    try:
+        with pytest.raises(KeyboardInterrupt):
+            Registry("world", {"ours": load}).factory("ours")
+        assert came == []
+        assert signal.getsignal(number) is stop
+    finally:
+        signal.signal(number, before)

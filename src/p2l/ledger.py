@@ -7,6 +7,7 @@ machine or on the next, and tables are built from the records.
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ from typing import Any
 from p2l.artifacts import load_json, save_json
 from p2l.errors import ArtifactError
 
+log = logging.getLogger(__name__)
 SCHEMA = "item_record"
 
 
@@ -64,7 +66,9 @@ def place(folder: Path, item: Item) -> str:
 def _read(path: Path) -> dict[str, Any] | None:
     try:
         return load_json(path, schema=SCHEMA, version=1)
-    except ArtifactError:
+    except ArtifactError as error:
+        if path.is_file():
+            log.warning("%s; its item is made anew", error)
         return None
 
 

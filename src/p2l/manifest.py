@@ -45,7 +45,8 @@ def check_place(folder: Path) -> None:
     try:
         load_json(folder / FILE, schema=SCHEMA, version=VERSION)
     except ArtifactError as error:
-        raise ArtifactError(f"{error}. It is to be overwritten; move it, or name another hydra.run.dir") from error
+        told = str(error).partition("; ")[0].rstrip(".")
+        raise ArtifactError(f"{told}. It would be overwritten; move it, or name another hydra.run.dir") from error
 
 
 def read_checked(path: Path, advice: str) -> bytes:

@@ -22,6 +22,7 @@ from importlib.metadata import entry_points
 from typing import Any, Generic, TypeVar, cast
 
 from p2l.errors import ConfigError
+from p2l.stops import deferred_stops
 
 Factory = TypeVar("Factory", bound=Callable[..., Any])
 Product = TypeVar("Product")
@@ -71,7 +72,8 @@ class Registry(Generic[Factory]):
             raise ConfigError(f"{self.kind}: given {name!r}; expected a name or 'package.module:attribute'")
         if name in self._loaders:
             try:
-                return self._loaders[name]()
+                with deferred_stops():
+                    return self._loaders[name]()
             except ImportError as error:
                 if "libGL" not in str(error):
                     raise

@@ -21,7 +21,7 @@ ROOT = Path(__file__).resolve().parents[2]
 KILLS = 10
 SMOKE = "experiment=smoke"
 WORKING = {"run.json", "stage.log", "times.json", "config.yaml", "parent.json"}  # not functions of the inputs
-FOLDERS = {"records", "runs", "checkpoints"}  # hold wall times, or what a run goes on from
+FOLDERS = {"records", "runs", "checkpoints"}  # hold wall times, or what a run goes on from; so do ledgers
 
 pytestmark = pytest.mark.slow
 
@@ -57,7 +57,7 @@ def outputs(folder):
     return {
         name: content
         for name, content in files.items()
-        if name.name not in WORKING and name.parts[0] not in FOLDERS and not name.name.endswith(".lock")
+        if name.name not in WORKING and name.parts[0] not in FOLDERS and not name.name.endswith((".lock", "ledger.npz"))
     }
 
 
@@ -116,6 +116,7 @@ STAGES = {
     "chain_recoveries": lambda made: (
         "world=pick_place",
         "compare=[rc]",
+        "seeds=[0]",
         f"failures={made('discover', 'pick_place', 'world=pick_place') / 'failures_train.npz'}",
     ),
     "evaluate_chains": lambda made: (

@@ -310,3 +310,34 @@ def test_tasks_may_come_through_a_pipe(tmp_path):
     done = shell(f"$PYTHON -m stages.plan {pipes} tracking.enabled=false hydra.run.dir=out", tmp_path)
     assert done.returncode == 0, done.stderr
     assert "proven optimal" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("tasks", "words"),
+    [("plan.csv", "is an input, and the plan would overwrite it"), ("orders.csv", "no plan of ours")],
+)
+def test_a_persons_own_file_is_not_overwritten(tmp_path, tasks, words):
+    """`tasks=own/plan.csv hydra.run.dir=own` replaced the tasks by the plan."""
+    own = tmp_path / "own"
+    own.mkdir()
+    (own / "plan.csv").write_text(ORDERS)
+    (own / "orders.csv").write_text(ORDERS)
+    (own / "transfer.csv").write_text(TRANSFER)
+    line = (
+        f"$PYTHON -m stages.plan tasks=own/{tasks} transfer=own/transfer.csv tracking.enabled=false hydra.run.dir=own"
+    )
+    done = shell(line, tmp_path)
+    assert done.returncode == 2
+    assert words in done.stderr
+    assert {file.name for file in own.iterdir()} == {"plan.csv", "orders.csv", "transfer.csv"}
+    assert (own / "plan.csv").read_text() == ORDERS
+
+
+@pytest.mark.parametrize("place", ["/proc/nowhere", "taken"])
+def test_a_place_that_cannot_be_written_is_one_message(tmp_path, place):
+    """Hydra's own traceback, and exit code 1."""
+    (tmp_path / "taken").write_text("a file")
+    done = shell(f"$PYTHON -m stages.collect domain=lego tracking.enabled=false hydra.run.dir={place}", tmp_path)
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+    assert place in done.stderr

@@ -6,14 +6,21 @@ import signal
 import socket
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
+from hydra import compose, initialize_config_dir
 from mlflow import MlflowClient
 
-from p2l.tracking import RUN_FILE, RunCard, start
+from p2l.errors import TrackingError
+from p2l.schema import SCHEMAS, resolve, validate
+from p2l.tracking import RUN_FILE, RunCard, Tracker, start
 from p2l.tracking import outbox as module
 from p2l.tracking.outbox import FOLDER, LIMIT, Outbox
+from stages._child import child
 from tests import waiting
+
+ROOT = Path(__file__).resolve().parents[2]
 
 CARD = RunCard("plan", "lego", "auto", 0, {"x": 1}, "abc", "python -m stages.plan")
 
@@ -76,7 +83,7 @@ def test_a_server_that_dies_slows_nothing_and_gets_everything_when_it_is_back(se
         track.artifact(figure)
         waiting.until(lambda: list((tmp_path / FOLDER).glob("*.jsonl")))
     assert sum("does not take what it is sent" in record.message for record in caplog.records) == 1
-    assert "waits in" in caplog.records[-1].message
+    assert sum(record.levelname == "WARNING" for record in caplog.records) == 1, "a single warning"
     up()
     with start(CARD, tmp_path / "next", tmp_path, uri=uri):
         pass
@@ -190,3 +197,25 @@ def test_putting_never_waits_for_a_store_that_hangs(tmp_path, hasty):
     gate.set()
     box.close()
     assert not box._queue
+
+
+def test_a_child_whose_server_has_gone_goes_untracked_and_its_work_goes_on(server, tmp_path, caplog):
+    """`learn_recoveries` ended where its second chooser's run could not be opened."""
+    up, down = server
+    with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
+        plain = resolve(compose("collect", ["experiment=smoke", "domain=lego"]))
+    cfg = validate({**plain, "tracking": {"enabled": True, "uri": up()}}, SCHEMAS["collect"], "test")
+    with start(CARD, tmp_path, tmp_path, uri=cfg.tracking.uri) as parent:
+        parent.metrics({"x": 1.0})
+        down()
+        with child(parent, cfg, "collect", "one", 0, tmp_path / "runs") as track:
+            track.metrics({"y": 1.0})
+    assert "one, seed 0: goes untracked" in caplog.text
+
+
+def test_errors_of_the_work_in_a_child_are_its_own(tmp_path):
+    with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
+        plain = resolve(compose("collect", ["experiment=smoke", "domain=lego"]))
+    cfg = validate(plain, SCHEMAS["collect"], "test")
+    with pytest.raises(TrackingError, match="mine"), child(Tracker(), cfg, "collect", "one", 0, tmp_path):
+        raise TrackingError("mine")

@@ -25,6 +25,32 @@ _CERTIFICATE = ("multipliers", "row", "parent", "facility", "is_open", "target")
 _NAMES = 4  # tasks that a row of the table of reasons names; the rest are counted
 
 
+def check_place(folder: Path | str, inputs: Sequence[Path] = ()) -> None:
+    """Refuse a folder in which a plan would take the place of a file that is no plan of ours.
+
+    Args:
+        folder: to write into.
+        inputs: files that the plan is made from.
+
+    Raises:
+        ArtifactError: `folder` is a file, an input would be overwritten, or there is a `plan.csv` that is no plan.
+    """
+    place = Path(folder)
+    if place.is_file():
+        raise ArtifactError(f"{place}: is a file; give a folder to write the plan into")
+    for path in (place / name for name in (TABLE, SUMMARY, PROOF) if (place / name).exists()):
+        if any(each.exists() and each.samefile(path) for each in inputs):
+            raise ArtifactError(f"{path}: is an input, and the plan would overwrite it; name another folder")
+    table = place / TABLE
+    try:
+        with table.open(encoding="utf-8", errors="replace") as stream:
+            ours = stream.readline().strip() in ("", ",".join(_COLUMNS))
+    except OSError:  # there is none, or it will be told when it is written
+        return
+    if not ours:
+        raise ArtifactError(f"{table}: is there already, and no plan of ours; name another folder")
+
+
 def write_plan(folder: Path | str, problem: Problem, plan: Plan) -> None:
     """Write `plan.csv` (a row per task, in order of work), `plan.json` (the summary) and `certificate.npz` (the proof).
 
@@ -32,7 +58,7 @@ def write_plan(folder: Path | str, problem: Problem, plan: Plan) -> None:
     pre-trained skills and for the person. A name that a spreadsheet would run gets an apostrophe before it.
 
     Raises:
-        ArtifactError: `folder` is a file.
+        ArtifactError: see `check_place`.
         ShapeError: the plan is of another number of tasks.
 
     Example:
@@ -49,8 +75,7 @@ def write_plan(folder: Path | str, problem: Problem, plan: Plan) -> None:
         1,gear,act,,0.95,15
     """
     _same_size(problem, plan)
-    if Path(folder).is_file():
-        raise ArtifactError(f"{folder}: is a file; give a folder to write the plan into")
+    check_place(folder)
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(_COLUMNS)

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import json
 import logging
-import os
 import threading
 import time
 from collections import deque
@@ -33,7 +32,7 @@ LIMIT = 10_000  # entries; one holds up to a thousand metrics
 _FIRST_WAIT_S, _LONGEST_WAIT_S = 1.0, 60.0
 _PATIENCE_S = 10.0  # how long a run that is over waits for a store that takes nothing
 # This queue is patient, so that a single attempt need not be.
-_IMPATIENCE = {"MLFLOW_HTTP_REQUEST_MAX_RETRIES": "0", "MLFLOW_HTTP_REQUEST_TIMEOUT": "20"}
+IMPATIENCE = {"MLFLOW_HTTP_REQUEST_MAX_RETRIES": "0", "MLFLOW_HTTP_REQUEST_TIMEOUT": "20"}
 Entry = Mapping[str, Any]
 
 
@@ -58,8 +57,6 @@ class Outbox:
         self._dropped = 0
         self._over_at_s: float | None = None  # on the monotonic clock
         self._has_given_up = False
-        for name, value in _IMPATIENCE.items():
-            os.environ.setdefault(name, value)
         self._thread = threading.Thread(target=self._run, name="mlflow-outbox", daemon=True)
         self._thread.start()
 
@@ -83,8 +80,6 @@ class Outbox:
         self._thread.join()
         if self._dropped:
             log.warning("MLflow: %d batches of metrics of run %s did not fit the queue", self._dropped, self._run_id)
-        if self._file is not None:
-            log.warning("what MLflow at %s has not taken waits in %s for the next run", self._store, self._file)
         if self._lock is not None:
             self._lock.release()
             Path(self._lock.lock_file).unlink(missing_ok=True)
@@ -140,7 +135,7 @@ class Outbox:
                 break
             else:
                 self._has_given_up = True
-            where = self._file or "memory alone"
+            where = f"{self._file}, for the next run if need be" if self._file else "memory alone"
             log.warning("MLflow at %s does not take what it is sent (%s); it waits in %s", self._store, reason, where)
 
     def _append(self, entry: Entry) -> None:

@@ -12,6 +12,7 @@ from __future__ import annotations
 import json
 import logging
 import math
+import os
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -22,7 +23,7 @@ from typing import TYPE_CHECKING
 from p2l.artifacts import write_text
 from p2l.errors import P2LError, TrackingError
 from p2l.tracking.about import VALUE_LIMIT, RunCard, flatten, note_of, provenance
-from p2l.tracking.outbox import FOLDER, Outbox
+from p2l.tracking.outbox import FOLDER, IMPATIENCE, Outbox
 from p2l.tracking.store import connect, experiment, safe_uri
 
 if TYPE_CHECKING:
@@ -144,6 +145,8 @@ def start(card: RunCard, out: Path, root: Path, *, enabled: bool = True, uri: st
         yield Tracker()
         return
     store, client = connect(root, uri)
+    for name, value in IMPATIENCE.items():
+        os.environ.setdefault(name, value)
     try:
         resumed = _resume(client, card, out, store)
         run_id = resumed or _create(client, card, store)

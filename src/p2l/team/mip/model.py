@@ -57,14 +57,15 @@ def usable(problem: Problem) -> Usable:
     scale = 2.0 ** min(1000, max(-1000, _SCALE - math.frexp(cost)[1])) if cost > 0.0 else 1.0
 
     def below(costs: Array) -> Array:
-        return np.where(costs <= limit, costs * scale, np.inf)
+        return np.where(costs <= limit, np.minimum(costs, limit) * scale, np.inf)
 
     service, demo = below(lesson_costs(problem)), below(problem.c_demo)
     worth = np.isfinite(service) & np.isfinite(demo)
     np.fill_diagonal(worth, False)
     lessons = [np.flatnonzero(row).tolist() for row in worth]
     # An attempt that may fail at an infinite cost is left out, so that any cost serves for the others.
-    c_fail = np.where(np.isinf(problem.c_fail), limit, problem.c_fail) * scale
+    with np.errstate(over="ignore"):  # what is infinite at this scale is refused by whoever builds the program
+        c_fail = np.where(np.isinf(problem.c_fail), limit, problem.c_fail) * scale
     return Usable(lessons, service, below(problem.attempt), below(problem.c_rob), below(problem.c_hum), c_fail, demo)
 
 
