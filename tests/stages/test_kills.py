@@ -1,6 +1,7 @@
 """Ten random kills and ten resumes of every stage that keeps checkpoints, records or files for other machines.
 
-`pytest -m slow tests/stages/test_kills.py`. Each stage runs once undisturbed, then in another folder, where SIGKILL
+`pytest -m slow tests/stages/test_kills.py`; with `-k threads` only that one thread or two, and another hash seed, leave
+the same bytes. Each stage runs once undisturbed, then in another folder, where SIGKILL
 takes it down ten times at random moments, the middle of an import or of a write among them; what it has left in the
 end is the same, byte by byte.
 """
@@ -34,8 +35,8 @@ def command(stage, out, records, *words):
     return [sys.executable, "-m", f"stages.{stage}", SMOKE, *words, *fixed]
 
 
-def to_the_end(words):
-    waiting.run(words, cwd=ROOT, env=os.environ, check=True)
+def to_the_end(words, **environment):
+    waiting.run(words, cwd=ROOT, env=os.environ | environment, check=True)
 
 
 def killed(words, after_s):
@@ -142,3 +143,13 @@ def test_ten_kills_and_ten_resumes_leave_what_an_undisturbed_run_leaves(stage, m
     assert outputs(wild) == outputs(calm)
     left = [path for folder in (wild, tmp_path / "wild_records") for path in folder.rglob(".*") if path.is_file()]
     assert left == [], "what killed processes were writing is gone"
+
+
+@pytest.mark.parametrize("stage", STAGES)
+def test_neither_threads_nor_hash_seeds_change_a_byte(stage, made, tmp_path):
+    words = STAGES[stage](made)
+    for number in ("1", "2"):
+        threads = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), number)
+        one = command(stage, tmp_path / number, tmp_path / f"records_{number}", *words)
+        to_the_end(one, PYTHONHASHSEED=number, **threads)
+    assert outputs(tmp_path / "1") == outputs(tmp_path / "2")
