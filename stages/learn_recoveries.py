@@ -35,7 +35,7 @@ def run(cfg: LearnRecoveriesConfig, out: Path, track: Tracker) -> None:
     for chooser in choosers.values():
         check_budget(setting.graph, chooser, **budget)
     code = code_of("learn_recoveries", cfg, cfg.records)
-    split = reported_split(setting, inputs.train, cfg.reported)
+    split = reported_split(setting, inputs.train, cfg.reported, records, cfg.item)
     histories: dict[tuple[int, str], History] = {}
     values: dict[tuple[int, str], Array] = {}
     with counter(f"learn {cfg.item}", "round", cfg.rounds * len(choosers) * len(cfg.seeds)) as show:

@@ -61,7 +61,10 @@ def test_on_another_split_the_kept_skills_are_measured_again(trained):
 
 def test_values_are_measured_once_and_another_split_is_another_record(trained, tmp_path, monkeypatch):
     task, trainer, graph, history = trained
-    split = ReportedSplit(far(task, [0.12, 0.14]), "one")
+    classifier = pb.modes(task.world)
+    setting = Setting(task, classifier, trainer.failures, trainer.held_out, graph, OPTIONS, trials=2)
+    split = ReportedSplit(setting, found()[2].failures, 7)
+    vars(split)["failures"] = far(task, [0.12, 0.14])  # as if these were found
 
     def kept(split):
         return keep_history(tmp_path, "push", trainer, "round_robin", graph, history, split, SETTINGS)
@@ -74,17 +77,21 @@ def test_values_are_measured_once_and_another_split_is_another_record(trained, t
         still.setattr(Trainer, "measure", lambda *_: 1 / 0)
         assert kept(split).tolist() == first.tolist()
         assert kept(None).tolist() == history.values.tolist()
-    assert len(kept(replace(split, identity="other"))) == len(first)
+    other = replace(split, executions=8)
+    vars(other)["failures"] = split.failures
+    assert len(kept(other)) == len(first)
     assert len(list(tmp_path.iterdir())) == 3
 
 
-def test_a_mode_without_a_reported_failure_is_refused_before_any_training():
+def test_a_mode_without_a_reported_failure_is_refused_before_any_training(tmp_path):
     world, task, _ = pb.setting(estimator="exact")
     classifier = pb.modes(world)
     graph = SkillGraph(np.array([0.9, 0.9]), np.array([3.0, 1.0]), np.zeros((2, 3)))
     some = Members(pb.standing(world, [0.1, 0.1], [0.08, -0.08]), np.array([0, 1]))
     setting = Setting(task, classifier, some, some, graph, OPTIONS, trials=2)
     failures = found()[2].failures
-    assert reported_split(setting, failures, 0) is None
+    assert reported_split(setting, failures, 0, tmp_path, "push") is None
     with pytest.raises((ConfigError, ArtifactError), match=r"reported=2: none of these executions|no failure"):
-        reported_split(setting, failures, 2)
+        reported_split(setting, failures, 2, tmp_path, "push")
+    (tmp_path / "push-ucb1_reported-s0-b0.json").write_text("{}")
+    reported_split(setting, failures, 2, tmp_path, "push")  # where values are recorded nothing is simulated

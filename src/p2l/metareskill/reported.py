@@ -11,8 +11,9 @@ Axis letters: T rounds, I modes, M targets.
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -36,42 +37,62 @@ SPLIT, VERSION = "reported", 1  # raise it when an edit of the code measures oth
 
 @dataclass(frozen=True)
 class ReportedSplit:
-    """The third split.
+    """The third split: failures of a seed path of their own, found as the training failures were.
 
     Attributes:
-        failures: with their modes.
-        identity: of all that decides them.
+        setting: world, preconditions and modes.
+        train: the training failures.
+        executions: episodes that are run.
     """
 
-    failures: Members
-    identity: str
+    setting: Setting
+    train: Failures
+    executions: int
+
+    @property
+    def identity(self) -> str:
+        """Hash of all that decides them, besides what the ledger's identity holds."""
+        origin = self.train.origin
+        return config_hash([VERSION, self.executions, origin.seed, origin.strategy])
+
+    @cached_property
+    def failures(self) -> Members:
+        """With their modes; found when they are first asked for.
+
+        Raises:
+            ConfigError: a mode has no failure among them.
+            ArtifactError: there is no failure in which no learnt precondition holds.
+        """
+        setting, world = self.setting, self.setting.task.world
+        starts = world.sample(generator(self.train.origin.seed, "discover", world.name, SPLIT), self.executions)
+        origin = replace(self.train.origin, split=SPLIT, executions=self.executions)
+        found = discover(world, world.nominal_options(), starts, origin).failures
+        failures, _ = members(setting.task, found, setting.modes)
+        sizes = np.bincount(failures.mode, minlength=len(setting.graph.sizes))
+        if empty := np.flatnonzero(sizes == 0).tolist():
+            raise ConfigError(
+                f"reported={self.executions}: none of these executions ends in failure modes {empty}, so that their "
+                "recoveries cannot be reported; give more, or 0 to report what drives the choice"
+            )
+        return failures
 
 
 def reported_split(
-    setting: Setting, train: Failures, executions: int, progress: Callable[[int], None] | None = None
+    setting: Setting, train: Failures, executions: int, records: Path, item: str
 ) -> ReportedSplit | None:
-    """Failures of `executions` episodes of a seed path of their own, found as the training failures were.
+    """The third split; None for no executions: then what drives the choice is reported, too.
 
-    None for no executions: then what drives the choice is reported, too.
+    Where `records` hold no reported values of `item` yet, the failures are found at once, before any training.
 
     Raises:
-        ConfigError: a mode has no failure among them.
-        ArtifactError: there is no failure in which no learnt precondition holds.
+        ConfigError, ArtifactError: see `ReportedSplit.failures`.
     """
     if not executions:
         return None
-    world = setting.task.world
-    starts = world.sample(generator(train.origin.seed, "discover", world.name, SPLIT), executions)
-    origin = replace(train.origin, split=SPLIT, executions=executions)
-    found = discover(world, world.nominal_options(), starts, origin, progress=progress).failures
-    failures, _ = members(setting.task, found, setting.modes)
-    sizes = np.bincount(failures.mode, minlength=len(setting.graph.sizes))
-    if empty := np.flatnonzero(sizes == 0).tolist():
-        raise ConfigError(
-            f"reported={executions}: none of these executions ends in failure modes {empty}, so that their recoveries "
-            "cannot be reported; give more, or 0 to report what drives the choice"
-        )
-    return ReportedSplit(failures, config_hash([VERSION, executions, train.origin.seed, train.origin.strategy]))
+    split = ReportedSplit(setting, train, executions)
+    if not any(records.glob(f"{item}-*_{SPLIT}-s*.json")):
+        _ = split.failures
+    return split
 
 
 def reported_values(
