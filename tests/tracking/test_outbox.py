@@ -219,3 +219,18 @@ def test_errors_of_the_work_in_a_child_are_its_own(tmp_path):
     cfg = validate(plain, SCHEMAS["collect"], "test")
     with pytest.raises(TrackingError, match="mine"), child(Tracker(), cfg, "collect", "one", 0, tmp_path):
         raise TrackingError("mine")
+
+
+def test_what_a_store_refuses_does_not_hold_up_what_comes_after(tmp_path, caplog):
+    """The first entry of a deleted run would have been sent again by every later run, for ever."""
+    uri = f"sqlite:///{tmp_path / 'runs.db'}"
+    with start(CARD, tmp_path / "out", tmp_path, uri=uri) as track:
+        track.outbox.put("metrics", rows=[["not: a ☃ name!", 1.0, 0, 0]])
+        track.artifact(tmp_path / "nowhere.png")
+        track.metrics({"x": 1.0})
+    run = MlflowClient(tracking_uri=uri).get_run(track.run_id)
+    assert (run.info.status, run.data.metrics) == ("FINISHED", {"x": 1.0})
+    assert [record.message.split(" of run")[0] for record in caplog.records if "refuses" in record.message] == [
+        "MLflow refuses the metrics", "MLflow refuses the artifact"
+    ]  # fmt: skip
+    assert not list((tmp_path / FOLDER).glob("*"))

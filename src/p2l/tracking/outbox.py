@@ -33,6 +33,8 @@ _FIRST_WAIT_S, _LONGEST_WAIT_S = 1.0, 60.0
 _PATIENCE_S = 10.0  # how long a run that is over waits for a store that takes nothing
 # This queue is patient, so that a single attempt need not be.
 IMPATIENCE = {"MLFLOW_HTTP_REQUEST_MAX_RETRIES": "0", "MLFLOW_HTTP_REQUEST_TIMEOUT": "20"}
+# MLflow's codes of what asking again would not change; where nobody answers the code is another.
+_REFUSALS = frozenset({"INVALID_PARAMETER_VALUE", "RESOURCE_DOES_NOT_EXIST", "BAD_REQUEST", "PERMISSION_DENIED"})
 Entry = Mapping[str, Any]
 
 
@@ -159,16 +161,27 @@ class Outbox:
 
 
 def send(client: MlflowClient, run_id: str, entry: Entry) -> None:
-    """Send one entry; whatever the store raises is raised. An artifact that is gone is told and left out."""
+    """Send one entry, and raise whatever a store raises that is slow or gone.
+
+    What a store that is there refuses, it would refuse again: a warning says so, and what comes after is not held up.
+    """
+    try:
+        _send(client, run_id, entry)
+    except Exception as error:
+        refusal = getattr(error, "error_code", None) in _REFUSALS or type(error) in (FileNotFoundError, PermissionError)
+        if not refusal:
+            raise
+        reason = str(error).split("\n")[0][:200]
+        log.warning("MLflow refuses the %s of run %s, which is left out: %s", entry["kind"], run_id, reason)
+
+
+def _send(client: MlflowClient, run_id: str, entry: Entry) -> None:
     kind = entry["kind"]
     if kind == "metrics":
         from mlflow.entities import Metric
 
         client.log_batch(run_id, metrics=[Metric(*row) for row in entry["rows"]])
     elif kind == "artifact":
-        if not Path(entry["path"]).is_file():
-            log.warning("MLflow: %s is gone before it was sent", entry["path"])
-            return
         client.log_artifact(run_id, entry["path"], entry["folder"])
     elif kind == "tag":
         client.set_tag(run_id, entry["key"], entry["value"])
