@@ -105,6 +105,7 @@ def stage(
 def _command_line(name: str, entry: Callable[[], Any]) -> int:
     """Run Hydra on the command line; returns the exit code."""
     os.environ["HYDRA_FULL_ERROR"] = "1"  # else Hydra reports errors in its own way and exits with 1
+    command = safe_uri(shlex.join(["python", "-m", f"stages.{name}", *sys.argv[1:]]))
     sys.argv[1:] = _arguments(sys.argv[1:])
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # an ASCII terminal is no reason to fail after the work is done
@@ -118,7 +119,7 @@ def _command_line(name: str, entry: Callable[[], Any]) -> int:
     except (KeyboardInterrupt, Terminated) as stop:  # a job says more
         by, code = _STOPS[type(stop)]
         os.environ[STOPPED_VARIABLE] = by
-        print(f"stage {name}: stopped by {by}", file=sys.stderr)
+        print(f"stage {name}: stopped by {by}. To run it again:\n  {command}", file=sys.stderr)
         return code
     except (HydraException, OmegaConfBaseException, YAMLError, ValueError, OSError) as error:  # a job reports its own
         print(f"stage {name}: {printable(_one_message(error))}\nSee `python -m stages.{name} --help`.", file=sys.stderr)

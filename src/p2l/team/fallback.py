@@ -22,15 +22,15 @@ def best_plan(problem: Problem, lessons: BoolArray | None = None, *, prune: bool
     Args:
         problem: the problem.
         lessons: [n] what is taught; None if no solver has found any.
-        prune: drop lessons that do not pay first.
+        prune: drop lessons that do not pay first; of a quick choice they are dropped in any case.
     """
     none, teachable = np.zeros(problem.n, dtype=bool), np.isfinite(problem.c_demo)
     choices = [none, problem.c_demo < problem.outside, teachable]
     if problem.n > _PRUNING:  # each costs the time of a table of its lessons
         choices = [none] if np.isfinite(problem.outside).all() else [teachable]
     if lessons is None:
-        lessons = quick_lessons(problem)
-    elif prune and problem.n <= _PRUNING:
+        lessons, prune = quick_lessons(problem), True
+    if prune and problem.n <= _PRUNING:
         lessons = without_losses(problem, lessons)
     choices.insert(0, lessons)
     return min((decide(problem, each) for each in choices), key=lambda decision: objective(problem, decision).total)

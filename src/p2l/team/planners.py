@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import math
 import time
-from typing import Any
+from collections.abc import Callable
+from typing import Any, cast
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from p2l.records import Array, BoolArray
 from p2l.team import facility
 from p2l.team.certificate import PROVEN, proven_bound
 from p2l.team.contract import PlannerResult, StoppingRule, check_stopping
+from p2l.team.loading import loaded
 from p2l.team.outcome import objective, work_order
 from p2l.team.problem import Certificate, Decision, Plan, Problem, Status, relative_gap
 from p2l.team.routes import PLANNERS
@@ -117,11 +119,11 @@ def _proof(
         multipliers = _cheapest_conceivable(problem)
         certificates.append(Certificate.of(multipliers))  # no lesson can beat any v_i, so that L(v) is their sum
         bounds.append(math.fsum(multipliers.tolist()) * (1.0 - PROVEN / 1000))
-    if result.complete and relative_gap(cost, max(bounds)) > max(PROVEN, stop.gap) and problem.n <= _PROVABLE:
+    unproven = result.complete and relative_gap(cost, max(bounds)) > max(PROVEN, stop.gap)
+    if unproven and problem.n <= _PROVABLE and (solve_pairs := _large_scale(stop)) is not None:
         best = certificates[int(np.argmax(bounds))].multipliers[0]
         multipliers = np.minimum(best, problem.outside)
-        facility.load_kernels()
-        solution = facility.solve_pairs(
+        solution = solve_pairs(
             facility.of_problem(problem),
             deadline=stop.deadline,
             gap=stop.gap,
@@ -132,6 +134,13 @@ def _proof(
         bounds.append(proven_bound(problem, solution.certificate))
     best_index = int(np.argmax(bounds))
     return certificates[best_index], min(cost, bounds[best_index])
+
+
+def _large_scale(stop: StoppingRule) -> Callable[..., facility.PairsSolution] | None:
+    try:
+        return cast(Callable[..., facility.PairsSolution], loaded(facility.large_scale, stop.deadline).solve_pairs)
+    except TimeoutError:
+        return None
 
 
 def _cheapest_conceivable(problem: Problem) -> Array:

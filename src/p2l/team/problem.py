@@ -208,8 +208,7 @@ class Plan:
         objective: their sum.
         lower_bound: no plan of this problem costs less; what the certificate proves, rounding counted against it.
         gap: (objective - lower_bound) / objective, 0 when the objective is 0.
-        seconds: wall time of the planner; the first call of a process also loads (on a fresh installation compiles) its
-            kernels, or its solver.
+        seconds: wall time of the planner, in the first call of a process with what it had to load or compile.
         certificate: the proof of `lower_bound`, for `certificate.check_certificate`.
 
     Example:

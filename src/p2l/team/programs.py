@@ -5,12 +5,14 @@ from __future__ import annotations
 import time
 from collections.abc import Mapping
 from functools import partial
+from types import ModuleType
 
 import numpy as np
 
 from p2l.team import facility
 from p2l.team.contract import Planner, PlannerResult, StoppingRule
 from p2l.team.fallback import best_plan
+from p2l.team.loading import loaded
 from p2l.team.problem import Certificate, Problem
 
 _MAKING = 0.4  # share of the time that making the instance may take, since checking takes as long
@@ -28,10 +30,15 @@ def pairs_in_time(problem: Problem, stop: StoppingRule) -> tuple[facility.Pairs,
     return pairs, stop.deadline - _CHECKING * (time.perf_counter() - start)
 
 
-def _pyomo(problem: Problem, stop: StoppingRule, form: str) -> PlannerResult:
+def _mip() -> tuple[ModuleType, ModuleType]:
     from p2l.team.mip import model, solve
 
+    return model, solve
+
+
+def _pyomo(problem: Problem, stop: StoppingRule, form: str) -> PlannerResult:
     try:
+        model, solve = loaded(_mip, stop.deadline)
         program = model.FORMS[form](problem)
         ending = solve.solve_model(program, deadline=stop.deadline, gap=stop.gap)
     except TimeoutError:

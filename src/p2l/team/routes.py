@@ -7,9 +7,6 @@ over a certificate, or none.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
 import numpy as np
 
 from p2l.records import IntArray
@@ -17,6 +14,7 @@ from p2l.registry import Registry
 from p2l.team import baselines, facility, oracle
 from p2l.team.contract import Planner, PlannerResult, StoppingRule
 from p2l.team.fallback import best_plan
+from p2l.team.loading import loaded
 from p2l.team.outcome import decide, objective
 from p2l.team.problem import Certificate, Problem
 from p2l.team.programs import PROGRAMS, pairs_in_time
@@ -36,7 +34,7 @@ def _in_time(problem: Problem, stop: StoppingRule, planner: str, largest: int) -
     result = plan_apart(problem, planner, stop.deadline - _STOPGAP * stop.seconds_left, stop.gap)
     if result is not None and result.complete:
         return result
-    instead = _approximation(problem, stop, facility.dual_ascent_lessons)
+    instead = _approximation(problem, stop, "dual_ascent_lessons")
     better = result is None or _cost(problem, instead) < _cost(problem, result)
     return PlannerResult(instead.decision if better or result is None else result.decision, False, instead.certificate)
 
@@ -59,7 +57,8 @@ def _by_facilities(problem: Problem, stop: StoppingRule, few: int) -> PlannerRes
     except TimeoutError:
         return PlannerResult(best_plan(problem), complete=False)
     solution = facility.solve_small_or_large(pairs, deadline, stop.gap, few=few)
-    return PlannerResult(best_plan(problem, solution.open), solution.complete, solution.certificate)
+    lessons = solution.open if solution.complete or solution.open.any() else None
+    return PlannerResult(best_plan(problem, lessons), solution.complete, solution.certificate)
 
 
 def _facility(problem: Problem, stop: StoppingRule) -> PlannerResult:
@@ -74,9 +73,10 @@ def _highs(problem: Problem, stop: StoppingRule) -> PlannerResult:
     return _in_time(problem, stop, "highs", largest=100)
 
 
-def _approximation(problem: Problem, stop: StoppingRule, solve: Callable[..., Any]) -> PlannerResult:
+def _approximation(problem: Problem, stop: StoppingRule, algorithm: str) -> PlannerResult:
     try:
         pairs, deadline = pairs_in_time(problem, stop)
+        solve = getattr(loaded(facility.large_scale, deadline), algorithm)
     except TimeoutError:
         return PlannerResult(best_plan(problem))
     lessons, multipliers = solve(pairs, deadline)
@@ -85,11 +85,11 @@ def _approximation(problem: Problem, stop: StoppingRule, solve: Callable[..., An
 
 
 def _greedy(problem: Problem, stop: StoppingRule) -> PlannerResult:
-    return _approximation(problem, stop, facility.greedy_lessons)
+    return _approximation(problem, stop, "greedy_lessons")
 
 
 def _dual_ascent(problem: Problem, stop: StoppingRule) -> PlannerResult:
-    return _approximation(problem, stop, facility.dual_ascent_lessons)
+    return _approximation(problem, stop, "dual_ascent_lessons")
 
 
 def _exhaustive(problem: Problem, stop: StoppingRule) -> PlannerResult:

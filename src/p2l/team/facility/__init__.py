@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from p2l.team.facility.location import solve_facility_location, solve_small_or_large
+from p2l.team.facility.location import large_scale, solve_facility_location, solve_small_or_large
 from p2l.team.facility.orlib import read_instance
 from p2l.team.facility.pairs import Pairs, PairsSolution, of_table
 from p2l.team.facility.reduction import lesson_costs, of_problem
@@ -25,6 +25,7 @@ __all__ = [
     "dual_ascent_lessons",
     "greedy_lessons",
     "guarantee",
+    "large_scale",
     "lesson_costs",
     "load_kernels",
     "of_problem",

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 import time
+from types import ModuleType
 
 import numpy as np
 
@@ -18,7 +19,8 @@ from p2l.records import Array, BoolArray
 from p2l.team.certificate import EXACT, PROVEN, proven_location_bound
 from p2l.team.contract import check_stopping
 from p2l.team.facility.pairs import Pairs, PairsSolution, of_table, open_for_outside
-from p2l.team.facility.presolve import lagrangian, solution_cost
+from p2l.team.facility.presolve import lagrangian, presolve, solution_cost
+from p2l.team.loading import loaded
 from p2l.team.problem import Certificate, FacilitySolution, freeze_cost, relative_gap
 
 FEW_PAIRS = 1_000  # up to so many HiGHS takes at most 0.35 s; the kernels load in 0.45 s, once per process
@@ -109,12 +111,32 @@ def solve_small_or_large(
             cost = solution_cost(pairs, open_set)
             if lagrangian(pairs, multipliers) >= cost * (1.0 - max(gap, 0.5 * PROVEN)):
                 return PairsSolution(open_set, cost, True, Certificate.of(multipliers))
-    from p2l.team.facility.solve import load_kernels, solve_pairs
-
-    load_kernels()
+    try:
+        solve_pairs = loaded(large_scale, deadline).solve_pairs
+    except TimeoutError:
+        return _without_search(pairs, multipliers, open_set)
     return solve_pairs(
         pairs, deadline=deadline, gap=gap, multipliers=multipliers, open_set=open_set, whole_numbers=whole_numbers
     )
+
+
+def large_scale() -> ModuleType:
+    """The module of the large-scale route, with its kernels loaded."""
+    from p2l.team.facility import solve
+
+    solve.load_kernels()
+    return solve
+
+
+def _without_search(pairs: Pairs, multipliers: Array | None, open_set: BoolArray | None) -> PairsSolution:
+    """What is known without any search; where nothing is, every demand at its cheapest is a bound."""
+    _, _, known = presolve(pairs)
+    best = min((each for each in (open_set, known) if each is not None), key=lambda each: solution_cost(pairs, each))
+    if multipliers is None:
+        first = np.minimum(pairs.start[:-1], max(0, len(pairs.cost) - 1))
+        has_pair = np.diff(pairs.start) > 0
+        multipliers = np.where(has_pair, pairs.cost[first], pairs.outside) if len(pairs.cost) else pairs.outside
+    return PairsSolution(best, solution_cost(pairs, best), False, Certificate.of(multipliers))
 
 
 def _whole_numbers(*costs: Array) -> bool:
