@@ -248,6 +248,24 @@ def test_a_stop_is_two_lines_that_say_how_to_go_on_and_a_killed_run(number, code
     assert not (tmp_path / "out").exists()
 
 
+def test_a_stopped_sweep_says_how_to_run_it_again_and_leaves_nothing_running(tmp_path):
+    """The parent was FAILED and its jobs stayed RUNNING; later it said nothing of a command."""
+    store = f"sqlite:///{tmp_path}/runs.db"
+    words = ["-m", "hydra/launcher=joblib", "seed=0,1", "world=pick_place", "executions.train=100000"]
+    words += [f"hydra.sweep.dir={tmp_path}/sweep", f"tracking.uri={store}"]
+    command = [sys.executable, "-m", "stages.discover", *words]
+    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        while len(list(tmp_path.glob("sweep/*/run.json"))) < 2:
+            assert process.poll() is None, process.stderr.read()
+            time.sleep(0.1)
+        process.terminate()
+        _, told = process.communicate()
+    assert process.returncode == 143, told
+    assert "Traceback" not in told
+    assert f"stopped by SIGTERM. To run it again:\n  python -m stages.discover {' '.join(words)}" in told
+    assert [run.info.status for run in MlflowClient(store).search_runs(["1"])] == ["KILLED"] * 3
+
+
 def test_a_password_in_the_store_s_uri_is_written_nowhere(tmp_path):
     """It stood in config.yaml, params, tags, notes and artifacts. (sqlite ignores what its URI says before an @.)"""
     words = ["domain=lego", "experiment=smoke", f"hydra.run.dir={tmp_path}/out"]
