@@ -158,7 +158,7 @@ class Theirs:
         """Furniture, masses and sizes as the row has them; the hand open."""
         engine = self._transfer.engine
         pose = row.states[:, engine.physics_size : engine.physics_size + 7]
-        engine.sense(row.states, self._transfer.control(Command(pose[:, :3], pose[:, 3:], row.grip)), row.model)
+        engine.sense(row.states, self._transfer.control(Command.pose(pose[:, :3], pose[:, 3:], row.grip)), row.model)
 
 
 def measure(name: str, rows: int, rounds: int, seconds: float, threads: int) -> report.Row:

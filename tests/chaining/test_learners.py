@@ -51,7 +51,7 @@ def outcomes(lazy, rng, count, option=0):
 
 def test_a_lazy_learner_is_sure_only_after_enough_outcomes_of_either_kind():
     rng = np.random.default_rng(0)
-    lazy = Lazy(2, LazySettings(audit=1e-12), seed=0)
+    lazy = Lazy(len(PRIMITIVES), 2, LazySettings(audit=1e-12), seed=0)
     test = np.array([[2.0, 0.0, 0.0], [-2.0, 0.0, 0.0]])
     first, second = (np.full(2, len(PRIMITIVES) + option) for option in (0, 1))
     outcomes(lazy, rng, 45)
@@ -60,10 +60,10 @@ def test_a_lazy_learner_is_sure_only_after_enough_outcomes_of_either_kind():
     assert_array_equal(lazy.sure(test, first), [True, False])
     assert not lazy.sure(test, second).any(), "nothing is known of the other option"
     assert not lazy.sure(test, np.array([0, 3])).any(), "primitives are always simulated"
-    again = Lazy(2, LazySettings(audit=1e-12), seed=0)
+    again = Lazy(len(PRIMITIVES), 2, LazySettings(audit=1e-12), seed=0)
     again.restore(lazy.state())
     assert_array_equal(again.sure(test, first), [True, False])
-    audited = Lazy(2, LazySettings(audit=1.0), seed=0)
+    audited = Lazy(len(PRIMITIVES), 2, LazySettings(audit=1.0), seed=0)
     audited.restore(lazy.state())
     assert not audited.sure(test, first).any()
 

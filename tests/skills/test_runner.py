@@ -6,7 +6,7 @@ from numpy.testing import assert_array_equal
 
 from examples.push.world import Push
 from p2l.contracts.rows import Command
-from p2l.contracts.world import NO_FAILURE, advance
+from p2l.contracts.world import NO_FAILURE
 from p2l.errors import ConfigError
 from p2l.skills import chain
 from p2l.skills.follow import Follow, Waypoints
@@ -107,7 +107,7 @@ def test_the_way_is_the_sum_of_its_pieces(world):
     points, at = [world.read(rows, "grip_pos")[0]], rows
     for step in range(8):
         target = rows.states[:, place : place + 3] + [0.0, 0.0, 0.01 * (step + 1)]
-        at, *_ = advance(world, at, Command(target, rows.states[:, place + 3 : place + 7], np.zeros(1)))
+        at, *_ = world.advance(at, Command.pose(target, rows.states[:, place + 3 : place + 7], np.zeros(1)))
         points.append(world.read(at, "grip_pos")[0])
     lift = Follow(
         "lift",

@@ -5,7 +5,6 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from p2l.contracts.rows import Command
-from p2l.contracts.world import advance
 from p2l.errors import ConfigError
 from p2l.skills import chain
 from p2l.worlds.door.handles import HANDLES, axis_of, find, grasp_pose, hinge_of
@@ -26,7 +25,7 @@ def opened(world):
 
 def hold(world, rows, grip):
     pose = rows.states[:, world.engine.physics_size : world.engine.physics_size + 7].copy()
-    return Command(pose[:, :3], pose[:, 3:], np.full(len(rows), grip))
+    return Command.pose(pose[:, :3], pose[:, 3:], np.full(len(rows), grip))
 
 
 def test_the_chain_opens_the_door_and_each_precondition_holds_in_turn(world, opened):
@@ -58,12 +57,12 @@ def test_closing_on_nothing_is_flagged_once(world):
     rows = world.sample(np.random.default_rng(2), 3)
     kinds = []
     for _ in range(9):
-        rows, kind, _ = advance(world, rows, hold(world, rows, 1.0))
+        rows, kind, _ = world.advance(rows, hold(world, rows, 1.0))
         kinds.append(kind)
     flagged = np.array(kinds) == MISSED_HANDLE
     assert_array_equal(flagged.sum(axis=0), 1)
     assert not world.in_grip(rows).any()
-    rows, kind, _ = advance(world, rows, hold(world, rows, 0.0))
+    rows, kind, _ = world.advance(rows, hold(world, rows, 0.0))
     assert not rows.memory.any(), "opening the fingers starts afresh"
 
 
@@ -74,7 +73,7 @@ def test_letting_the_handle_slip_while_pulling_is_flagged(world, opened):
     seen = set()
     for _ in range(14):  # the latch is still in the frame, so the hand is drawn off the lever
         command = hold(world, rows, 1.0)
-        rows, kind, _ = advance(world, rows, Command(command.pos + 0.03 * back, command.quat, command.grip))
+        rows, kind, _ = world.advance(rows, Command.pose(command.pos + 0.03 * back, command.quat, command.grip))
         seen |= set(kind.tolist())
     assert SLIP_PULLING in seen
     assert not world.in_grip(rows).any()
@@ -83,7 +82,7 @@ def test_letting_the_handle_slip_while_pulling_is_flagged(world, opened):
 def test_pressing_hard_is_flagged_as_force():
     world = Door(estimator="exact", force_limit_n=1.0)
     rows = world.sample(np.random.default_rng(0), 2)
-    _, kind, _ = advance(world, rows, hold(world, rows, 0.0))
+    _, kind, _ = world.advance(rows, hold(world, rows, 0.0))
     assert_array_equal(kind, FORCE)
 
 

@@ -131,7 +131,7 @@ def test_the_verdict_on_the_shelf_is_our_goal(shelf):
     states[:, place : place + 3] = target + rng.uniform(-1.0, 1.0, (40, 3)) * [0.16, 0.06, 0.06]
     turned = world._columns[world.bank.clutter_joints[0]] + 3
     states[::4, turned : turned + 4] = [np.cos(0.1), 0.0, 0.0, np.sin(0.1)]
-    control = world.control(Command(np.zeros((40, 3)), np.zeros((40, 4)), np.zeros(40)))
+    control = world.control(Command.pose(np.zeros((40, 3)), np.zeros((40, 4)), np.zeros(40)))
     rows = replace(rows, states=states, sensors=world.engine.sense(states, control, rows.model))
     verdicts = []
     for index in range(40):

@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from p2l import poses
 from p2l.contracts.rows import Command
-from p2l.contracts.world import NO_FAILURE, advance
+from p2l.contracts.world import NO_FAILURE
 from p2l.errors import ConfigError
 from p2l.skills import chain
 from p2l.worlds.shelf import hold as shelf_hold
@@ -55,7 +55,7 @@ def primitive(world, rows, shift):
     pos, quat = world.read(rows, "grip_pos") + shift, rows.states[:, place + 3 : place + 7]
     kinds = []
     for _ in range(10):
-        rows, kind, diverged = advance(world, rows, Command(pos, quat, rows.grip))
+        rows, kind, diverged = world.advance(rows, Command.pose(pos, quat, rows.grip))
         assert not diverged.any()
         kinds.append(kind)
     return rows, np.array(kinds)

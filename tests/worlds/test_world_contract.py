@@ -4,17 +4,25 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
+from examples.metaworld_sawyer.world import world as sawyer
 from p2l.contracts.observation import Observation, Privileged
 from p2l.contracts.option import Option
 from p2l.contracts.rows import Command, Rows
-from p2l.contracts.world import NO_FAILURE, World, advance
-from p2l.errors import ConfigError, ShapeError
+from p2l.contracts.world import NO_FAILURE, Scenic, World
+from p2l.errors import ConfigError, P2LError
 from p2l.skills import chain
 from p2l.worlds.robot import RobotWorld
 from p2l.worlds.table import WORLDS, make_world
 
 WORLDS.register("push", "examples.push.world:Push")
+WORLDS.register("fetch", "examples.fetch.world:world")
+WORLDS.register("drawer_open", "tests.worlds.test_world_contract:drawer_open")
+WORLDS.register("stack", "examples.robosuite_stack.world:world")
 EPISODES = 6
+
+
+def drawer_open(**params):
+    return sawyer("drawer-open-v3", **params)
 
 
 @pytest.fixture(scope="module", params=WORLDS.names())
@@ -27,10 +35,12 @@ def played(request):
 
 
 def hold(world: World, rows: Rows) -> Command:
-    """Stay where the impedance target is, fingers open."""
+    """Stay where the impedance target is, fingers open; no motion in an environment of another's."""
+    if not isinstance(world, Scenic):
+        return Command(world.command_columns, np.zeros((len(rows), world.command_columns["action"].stop)))
     place = world.engine.physics_size
     pose = rows.states[:, place : place + 7].copy()
-    return Command(pose[:, :3], pose[:, 3:], np.zeros(len(rows)))
+    return Command.pose(pose[:, :3], pose[:, 3:], np.zeros(len(rows)))
 
 
 def test_contracts_hold(played):
@@ -78,10 +88,10 @@ def test_a_row_alone_ends_as_in_the_batch(played):
 
 def test_a_saved_moment_goes_on_to_the_bit(played):
     world, _, rows, _ = played
-    first, *_ = advance(world, rows, hold(world, rows))
+    first, *_ = world.advance(rows, hold(world, rows))
     saved = Rows.from_arrays({name: value.copy() for name, value in first.take([1, 4]).arrays().items()})
-    whole, kind, _ = advance(world, first, hold(world, first))
-    part, kind_part, _ = advance(world, saved, hold(world, saved))
+    whole, kind, _ = world.advance(first, hold(world, first))
+    part, kind_part, _ = world.advance(saved, hold(world, saved))
     assert_array_equal(part.states, whole.states[[1, 4]])
     assert_array_equal(part.sensors, whole.sensors[[1, 4]])
     assert_array_equal(part.memory, whole.memory[[1, 4]])
@@ -90,7 +100,7 @@ def test_a_saved_moment_goes_on_to_the_bit(played):
 
 def test_a_start_is_neither_done_nor_failed(played):
     world, _, rows, _ = played
-    after, kind, diverged = advance(world, rows, hold(world, rows))
+    after, kind, diverged = world.advance(rows, hold(world, rows))
     assert (kind == NO_FAILURE).all()
     assert not diverged.any()
     assert not world.goal(rows).any()
@@ -111,14 +121,15 @@ def test_the_estimate_errs_as_told(played):
 def test_nan_in_a_target_is_refused(played):
     world, _, rows, _ = played
     command = hold(world, rows)
-    command.pos[2, 1] = np.nan
-    with pytest.raises(ShapeError, match="target_pos holds NaN"):
-        advance(world, rows, command)
+    command.values[2, 1] = np.nan
+    with pytest.raises(P2LError, match="holds NaN"):
+        world.advance(rows, command)
 
 
 def test_the_digest_does_not_follow_the_threads(played, request):
     world, *_ = played
-    assert make_world(request.node.callspec.params["played"], {"nthread": 1}).digest == world.digest
+    fewer = {"nthread": 1} if isinstance(world, Scenic) else {"processes": 1}
+    assert make_world(request.node.callspec.params["played"], fewer).digest == world.digest
 
 
 def test_unknown_names_list_the_known():
@@ -142,5 +153,5 @@ def test_a_class_that_is_no_world_is_refused_and_says_what_it_lacks():
         ConfigError, match="world 'half': Unfinished lacks sample, _truth, _observation, monitor, nominal"
     ):
         Unfinished("half", {}, [], None)
-    with pytest.raises(ConfigError, match=r"makes a Nothing, which is no .*World; it lacks control,"):
+    with pytest.raises(ConfigError, match=r"makes a Nothing, which is no .*World; it lacks advance,"):
         make_world(f"{__name__}:Nothing")

@@ -22,11 +22,10 @@ from p2l.contracts.rows import Rows
 from p2l.contracts.world import World
 from p2l.errors import ArtifactError
 from p2l.records import Array, IntArray
-from p2l.skills.primitives import GRIPS, PRIMITIVES, STEPS, Primitive
+from p2l.skills.primitives import GRIPS
 
 Act = Callable[[Array], IntArray]
 PRECONDITIONS = "preconditions.npz"
-_PRIMITIVES_BY_NAME = {primitive.name: primitive for primitive in (*PRIMITIVES, *GRIPS)}
 
 
 @dataclass(frozen=True)
@@ -42,7 +41,7 @@ class Agent:
     """
 
     limits: Limits
-    primitives: tuple[Primitive, ...]
+    primitives: tuple[Option, ...]
     act: Act
     preconditions: ControllerPreconditions | None = None
     whole_task: bool = False
@@ -51,7 +50,8 @@ class Agent:
         """[K] actions for the `decision` [K] of each episode, counted from 0."""
         action = self.act(observation)
         if self.preconditions is not None:
-            most = min(self.limits.decisions, -(-self.limits.primitive_steps // STEPS))
+            longest = max(option.max_steps for option in self.primitives)
+            most = min(self.limits.decisions, -(-self.limits.primitive_steps // longest))
             handover = self.preconditions.holds(observation) | (decision >= most)
             action = np.where(handover, len(self.primitives) + self.preconditions.best(observation), action)
         return action
@@ -87,9 +87,10 @@ def load_agent(
     """
     policy = load_policy(folder)
     card = policy.card
-    if unknown := [name for name in card.actions if name not in _PRIMITIVES_BY_NAME and not name.startswith("from ")]:
+    own = {option.name: option for option in (*world.primitives(), *GRIPS)}
+    if unknown := [name for name in card.actions if name not in own and not name.startswith("from ")]:
         raise ArtifactError(f"{folder}: a policy over actions that there are no more: {', '.join(unknown)}")
-    primitives = tuple(_PRIMITIVES_BY_NAME[name] for name in card.actions if name in _PRIMITIVES_BY_NAME)
+    primitives = tuple(own[name] for name in card.actions if name in own)
     options = len(card.actions) > len(primitives)
     missing = [name for name in card.limits.fields if name not in world.observe(rows.take([0])).columns]
     plain = replace(card.limits, fields=()) if missing else card.limits

@@ -83,7 +83,7 @@ def nominal_clip(world: World, nominal: Sequence[Option], start: Rows) -> Clip:
     flagged = int(execution.last.reason[0]) == Reason.FAILURE
     ending = "task done" if execution.success[0] else "ended without success"
     if flagged:
-        seconds = float(execution.last.step[0]) * world.engine.control_period_s
+        seconds = float(execution.last.step[0]) * world.control_period_s
         kind = _plain(world.failure_kinds[int(execution.last.kind[0])])
         ending = f"failure: {kind} in {_plain(nominal[int(execution.last.option[0])].name)} after {seconds:.1f} s"
     names = tuple(nominal[option].name for option in execution.ends.option.tolist())

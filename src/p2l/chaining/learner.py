@@ -20,7 +20,6 @@ from p2l.contracts.option import Option
 from p2l.contracts.rows import Rows
 from p2l.contracts.world import World
 from p2l.errors import ConfigError
-from p2l.skills.primitives import PRIMITIVES, Primitive
 
 
 def no_failures(world: str) -> ConfigError:
@@ -69,7 +68,7 @@ class Learner:
     Attributes:
         limits: bounds of an episode.
         starts: start states of its episodes.
-        primitives: the agent's own actions.
+        primitives: the agent's own actions; the world's without any (`make_learner` puts them in).
         options: whether the nominal options are actions, too.
         judge: reward and termination of a decision.
         shortcut: predicts options that need not be simulated.
@@ -79,7 +78,7 @@ class Learner:
 
     limits: Limits
     starts: Rows
-    primitives: tuple[Primitive, ...] = PRIMITIVES
+    primitives: tuple[Option, ...] = ()
     options: bool = True
     judge: Judge = task_success
     shortcut: Shortcut | None = None

@@ -37,7 +37,7 @@ from p2l.contracts.rows import Rows
 from p2l.contracts.world import World
 from p2l.errors import ConfigError, ShapeError
 from p2l.records import Array, BoolArray, IntArray
-from p2l.skills.runner import Reason, Runner
+from p2l.skills.runner import Reason, open_runner
 
 _STATE = ("waiting", "_decisions", "_primitive_steps", "_steps_before", "control_steps", "timeouts")
 
@@ -76,7 +76,7 @@ class Pool:
         self._primitives, self._chain = len(primitives), len(nominal)
         self.actions = action_names(primitives, nominal)
         self._starts = starts
-        self._runner = Runner(world, (*primitives, *nominal), slots)
+        self._runner = open_runner(world, (*primitives, *nominal), slots)
         self._history: list[Array] = []
         self._option_observation: Observation | None = None  # [B] for the next option; valid where `waiting`
         self._decisions = np.zeros(slots, dtype=np.int64)
@@ -184,7 +184,7 @@ class Pool:
             raise ConfigError("pool: every slot waits for a decision; act first")
         while True:
             before, busy = int(self._runner.steps_total.sum()), np.flatnonzero(self._runner.busy)
-            events = self._runner.advance()
+            events = self._runner.advance(by_step=watch is not None)
             self.control_steps += int(self._runner.steps_total.sum()) - before
             if watch is not None:
                 watch(busy, self._runner.rows.take(busy))

@@ -20,7 +20,7 @@ from p2l.records import Array
 
 
 @dataclass(frozen=True)
-class _NamedColumns:
+class NamedColumns:
     """[N, C] values whose columns have names."""
 
     columns: Mapping[str, slice]
@@ -65,11 +65,11 @@ class _NamedColumns:
         return type(self)(self.columns, self.values[np.asarray(index)])
 
 
-class Privileged(_NamedColumns):
+class Privileged(NamedColumns):
     """The simulator's truth."""
 
 
-class Observation(_NamedColumns):
+class Observation(NamedColumns):
     """What a deployed policy observes."""
 
     @classmethod

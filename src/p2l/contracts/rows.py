@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from p2l.contracts.observation import NamedColumns
 from p2l.errors import ShapeError
 from p2l.records import Array, IntArray
 
@@ -77,16 +78,37 @@ class Rows:
         return cls(**{f.name: np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(cls)})
 
 
-@dataclass(frozen=True)
-class Command:
-    """The target of the hand for the next control step.
+POSE: Mapping[str, slice] = {"pos_world_m": slice(0, 3), "quat_world": slice(3, 7), "grip": slice(7, 8)}
 
-    Attributes:
-        pos: [N, 3] of the grip site's target, world frame, m.
-        quat: [N, 4] of the target, (w, x, y, z).
-        grip: [N] 0 = fingers open, 1 = closed.
+
+class Command(NamedColumns):
+    """What is commanded for the next control step, [N, C]; a world names its columns (`World.command_columns`).
+
+    The columns of a hand that follows an impedance target are `POSE`.
     """
 
-    pos: Array
-    quat: Array
-    grip: Array
+    @classmethod
+    def pose(cls, pos: Array, quat: Array, grip: Array) -> Command:
+        """The target of the hand.
+
+        Args:
+            pos: [N, 3] of the grip site's target, world frame, m.
+            quat: [N, 4] of the target, (w, x, y, z).
+            grip: [N] 0 = fingers open, 1 = closed.
+        """
+        return cls(POSE, np.concatenate([pos, quat, np.reshape(grip, (len(pos), 1))], axis=1))
+
+    @property
+    def pos(self) -> Array:
+        """[N, 3] of `POSE`."""
+        return self.values[:, 0:3]
+
+    @property
+    def quat(self) -> Array:
+        """[N, 4] of `POSE`."""
+        return self.values[:, 3:7]
+
+    @property
+    def grip(self) -> Array:
+        """[N] of `POSE`."""
+        return self.values[:, 7]

@@ -5,11 +5,12 @@ Axis letters: N rows, U controls of the engine, M columns of a world's memory.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numpy as np
+import numpy.typing as npt
 
 from p2l.contracts.estimator import Estimator
 from p2l.contracts.observation import Observation, Privileged
@@ -46,7 +47,11 @@ class View:
 
 @runtime_checkable
 class World(Protocol):
-    """A distribution of start states, a physics, what is observed of it, failure detectors and a goal."""
+    """A distribution of start states, a simulator, what is observed of it, failure detectors and a goal.
+
+    This is all that discovery, clustering, the learners and evaluation ask for. Rows can be kept, copied and gone on
+    from in any batch; `advance` is a control step of any of them.
+    """
 
     @property
     def name(self) -> str:
@@ -57,8 +62,12 @@ class World(Protocol):
         """Hash of everything that gives a saved row its meaning (scene, physics, columns); files carry it."""
 
     @property
-    def engine(self) -> Engine:
-        """The batched engine; a row's `model` counts its models."""
+    def control_period_s(self) -> float:
+        """Simulated seconds of a control step."""
+
+    @property
+    def command_columns(self) -> Mapping[str, slice]:
+        """Columns of a command, by name; `contracts.rows.POSE` for a hand with an impedance target."""
 
     @property
     def estimator(self) -> Estimator:
@@ -75,18 +84,42 @@ class World(Protocol):
         Empty stands for the hand relative to everything that has a position, and every length and angle of one column.
         """
 
-    @property
-    def view(self) -> View:
-        """Where a video is taken from."""
-
     def sample(self, rng: np.random.Generator, n: int) -> Rows:
         """N start states."""
+
+    def advance(self, rows: Rows, command: Command) -> tuple[Rows, IntArray, BoolArray]:
+        """One control step: the rows after it, the kind of failure [N], and which rows diverged [N]."""
+
+    def path_m(self, before: Rows, after: Rows) -> Array:
+        """[N] way of the end effector in a control step, m; zeros where there is none."""
 
     def privileged(self, rows: Rows) -> Privileged:
         """The truth."""
 
     def observe(self, rows: Rows) -> Observation:
         """What the robot observes; estimates err by `estimator`."""
+
+    def goal(self, rows: Rows) -> BoolArray:
+        """[N] whether the task is done, judged on the truth."""
+
+    def nominal_options(self) -> tuple[Option, ...]:
+        """The nominal chain π_1 … π_k, in order."""
+
+    def primitives(self) -> tuple[Option, ...]:
+        """A recovery's own actions, short options that apply everywhere."""
+
+
+@runtime_checkable
+class Scenic(World, Protocol):
+    """A world whose rows are those of our batched engine, which can draw them."""
+
+    @property
+    def engine(self) -> Engine:
+        """The batched engine; a row's `model` counts its models."""
+
+    @property
+    def view(self) -> View:
+        """Where a video is taken from."""
 
     def control(self, command: Command) -> Array:
         """[N, U] controls of the engine: stiffnesses and fingers."""
@@ -97,14 +130,16 @@ class World(Protocol):
         `after.memory` is still that of `before`.
         """
 
-    def goal(self, rows: Rows) -> BoolArray:
-        """[N] whether the task is done, judged on the truth."""
-
-    def nominal_options(self) -> tuple[Option, ...]:
-        """The nominal chain π_1 … π_k, in order."""
-
     def visual_model(self, model: int) -> mujoco.MjModel:
         """One of the engine's models with its visual geoms, for videos."""
+
+
+@runtime_checkable
+class Pictured(Protocol):
+    """A world that draws its rows itself, for example by its environment's own `render`."""
+
+    def pictures(self, rows: Rows, gl: str) -> Sequence[npt.NDArray[np.uint8]]:
+        """[N] of [H, W, 3]; `gl` is a backend that can draw here, `egl` or `osmesa`."""
 
 
 @runtime_checkable
@@ -140,13 +175,3 @@ def symbols_of(world: World) -> Symbols:
     if not isinstance(world, Symbolic):
         raise ConfigError(f"world '{world.name}' has no symbols, so no skill graph: its class has no method `symbols`")
     return world.symbols()
-
-
-def advance(world: World, rows: Rows, command: Command) -> tuple[Rows, IntArray, BoolArray]:
-    """One control step: the rows after it, the kind of failure [N], and which rows diverged [N]."""
-    control = world.control(command)
-    chunk = world.engine.step(rows.states, command.pos, command.quat, control, rows.model)
-    sensors = np.array(chunk.sensors[:, -1])
-    after = replace(rows, states=chunk.states, sensors=sensors, grip=np.asarray(command.grip, dtype=np.float64))
-    kind, memory = world.monitor(rows, after, chunk, command)
-    return replace(after, memory=memory), kind, chunk.diverged

@@ -175,6 +175,6 @@ def _record(world: World, starts: Rows, moments: Moments, origin: Origin) -> Fai
         option=moments.option,
         kind=np.where(moments.kind == NO_FAILURE, origin.kinds.index(STRANDED), moments.kind),
         step=moments.step,
-        time_s=np.round(moments.step * world.engine.control_period_s, 6),
+        time_s=np.round(moments.step * world.control_period_s, 6),
         episode=moments.episode,
     )

@@ -14,7 +14,7 @@ from p2l.contracts.option import Option
 from p2l.contracts.rows import Rows
 from p2l.contracts.world import World
 from p2l.records import Array, BoolArray, IntArray
-from p2l.skills.runner import Reason, Runner
+from p2l.skills.runner import Reason, Runner, open_runner
 
 FINISH = -1
 Choose = Callable[["Moments"], IntArray]
@@ -120,7 +120,7 @@ def run(
     count = len(rows)
     following = choose or in_order(options)
     begin = np.zeros(count, dtype=np.int64) if first is None else np.asarray(first, dtype=np.int64)
-    runner = Runner(world, options, min(slots, max(count, 1)), stop_on_failure=stop_on_failure)
+    runner = open_runner(world, options, min(slots, max(count, 1)), stop_on_failure=stop_on_failure)
     episode = np.full(len(runner.busy), -1, dtype=np.int64)
     parts: list[Moments] = []
     waiting = 0
@@ -133,7 +133,7 @@ def run(
             runner.start(slots_new, rows.take(new), begin[new])
             waiting += len(new)
         busy = np.flatnonzero(runner.busy)
-        events = runner.advance()
+        events = runner.advance(by_step=watch is not None)
         if watch is not None:
             watch(episode[busy], runner.steps_total[busy], runner.rows.take(busy))
         moments = _moments(runner, episode, events.slot, events.reason, events.kind)

@@ -84,4 +84,4 @@ class Follow:
         before, after = points[rows, leg], points[rows, leg + 1]
         pos = before[:, :3] + fraction[:, None] * (after[:, :3] - before[:, :3])
         quat = poses.between(before[:, 3:7], after[:, 3:7], fraction)
-        return OptionStep(Command(pos, quat, after[:, 7]), memory, step >= ends[-1])
+        return OptionStep(Command.pose(pos, quat, after[:, 7]), memory, step >= ends[-1])

@@ -125,7 +125,7 @@ class Machine:
         goal = goals[index, np.arange(len(observation))]
         pos = _towards(observation["target_pos_m"], goal, self._of["pace_m"][index])
         quat = _turn(observation["target_quat"], memory[:, _QUAT], self.pace_rad)
-        return OptionStep(Command(pos, quat, self._of["grip"][index]), memory, done)
+        return OptionStep(Command.pose(pos, quat, self._of["grip"][index]), memory, done)
 
     def _over(self, observation: Observation, goals: Array, memory: Array, change_m: Array) -> BoolArray:
         index, steps, of = _present(memory), memory[:, _STEPS], self._of

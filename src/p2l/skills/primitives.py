@@ -68,7 +68,7 @@ class Primitive:
         share = np.minimum((step + 1) / MOVE_STEPS, 1.0)
         pos = memory[:, :3] + share[:, None] * (memory[:, 7:10] - memory[:, :3])
         quat = poses.between(memory[:, 3:7], memory[:, 10:14], share)
-        return OptionStep(Command(pos, quat, memory[:, 14]), memory, step >= STEPS)
+        return OptionStep(Command.pose(pos, quat, memory[:, 14]), memory, step >= STEPS)
 
 
 def _along(axis: int, size: float) -> tuple[float, float, float]:

@@ -1,9 +1,9 @@
 """Many executions at once, each at its own option and its own step: nobody waits for anybody.
 
 The runner has slots. A slot holds one row, the option that drives it and that option's memory; one call to `advance`
-carries every busy slot through one control step in a single batch of the engine, and tells which slots need a new
+carries every busy slot through one control step in a single batch of the world, and tells which slots need a new
 decision. What comes next is the caller's: a chain of nominal options, a recovery, a primitive action, or another
-episode in the same slot.
+episode in the same slot. A world whose simulators go on by themselves may bring a runner of its own (`SelfRunning`).
 
 Axis letters: B slots, K events.
 """
@@ -13,7 +13,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -21,7 +21,7 @@ import numpy.typing as npt
 from p2l.contracts.observation import Observation
 from p2l.contracts.option import Option
 from p2l.contracts.rows import Command, Rows
-from p2l.contracts.world import NO_FAILURE, World, advance
+from p2l.contracts.world import NO_FAILURE, World
 from p2l.errors import ConfigError
 from p2l.records import BoolArray, IntArray
 
@@ -79,7 +79,7 @@ class Runner:
         self._group = np.array([alike.index(name) for name in alike])  # options whose decisions are taken together
         self._limits = np.array([option.max_steps for option in self.options], dtype=np.int64)
         self._rows: Rows | None = None
-        self._grip = world.engine.sensor_columns["grip_pos"]
+        self._width = sum(where.stop - where.start for where in world.command_columns.values())
 
     @property
     def rows(self) -> Rows:
@@ -145,8 +145,12 @@ class Runner:
         """Free `slots` [K]."""
         self.busy[slots] = False
 
-    def advance(self) -> Events:
-        """One control step of every busy slot; the slots of the events returned wait for `begin`, `start` or `stop`."""
+    def advance(self, *, by_step: bool = False) -> Events:  # noqa: ARG002
+        """Let busy slots go on; the slots of the events returned wait for `begin`, `start` or `stop`.
+
+        Args:
+            by_step: one control step of every busy slot, as it is here in any case.
+        """
         live = np.flatnonzero(self.busy)
         command, done = self._decide(live)
         late = ~done & (self.step[live] >= self._limits[self.option[live]])
@@ -154,8 +158,7 @@ class Runner:
         reason[done], reason[late] = Reason.TERMINATION, Reason.TIMEOUT
         moving = np.flatnonzero(~(done | late))
         if len(moving):
-            part = Command(command.pos[moving], command.quat[moving], command.grip[moving])
-            reason[moving] = self._move(live[moving], part)
+            reason[moving] = self._move(live[moving], command.take(moving))
         stops = np.flatnonzero(reason >= 0)
         slots = live[stops]
         self.busy[slots] = False
@@ -164,7 +167,7 @@ class Runner:
 
     def _decide(self, live: IntArray) -> tuple[Command, BoolArray]:
         observation = self.world.observe(self.rows.take(live))
-        pos, quat, grip = np.empty((len(live), 3)), np.empty((len(live), 4)), np.empty(len(live))
+        values = np.empty((len(live), self._width))
         done = np.zeros(len(live), dtype=np.bool_)
         group = self._group[self.option[live]]
         for index in np.unique(group):
@@ -173,20 +176,19 @@ class Runner:
             slots, size = live[where], option.memory_size
             decision = option.decide(observation.take(where), self._memory[slots, :size], self.step[slots])
             self._memory[slots, :size] = decision.memory
-            pos[where], quat[where] = decision.command.pos, decision.command.quat
-            grip[where], done[where] = decision.command.grip, decision.done
-        return Command(pos, quat, grip), done
+            values[where], done[where] = decision.command.values, decision.done
+        return Command(self.world.command_columns, values), done
 
     def _move(self, slots: IntArray, command: Command) -> IntArray:
         """Carry `slots` through one control step; why each stops, or −1."""
         before = self.rows.take(slots)
-        after, kind, diverged = advance(self.world, before, command)
+        after, kind, diverged = self.world.advance(before, command)
         sound = np.flatnonzero(~diverged)
         self.rows.put(slots[sound], after.take(sound))  # a diverged row keeps its last sound moment
         self.step[slots] += 1
         self.steps_total[slots] += 1
-        way = after.sensors[sound, self._grip] - before.sensors[sound, self._grip]
-        self.path_m[slots[sound]] += np.linalg.norm(way, axis=1)
+        with np.errstate(invalid="ignore", over="ignore"):  # of diverged rows, whose way does not count
+            self.path_m[slots[sound]] += self.world.path_m(before, after)[sound]
         flag = (kind != NO_FAILURE) & ~diverged
         first = flag & (self.kind[slots] == NO_FAILURE) & ~self.muted[slots]
         self.muted[slots] &= flag
@@ -197,3 +199,17 @@ class Runner:
             reason[first] = Reason.FAILURE
         reason[diverged] = Reason.DIVERGENCE
         return reason
+
+
+@runtime_checkable
+class SelfRunning(Protocol):
+    """A world that runs its options itself, without a copy of the state per control step."""
+
+    def runner(self, options: Sequence[Option], slots: int, *, stop_on_failure: bool) -> Runner | None:
+        """A runner of these options; None if some of them are not the world's own."""
+
+
+def open_runner(world: World, options: Sequence[Option], slots: int, *, stop_on_failure: bool = True) -> Runner:
+    """The world's own runner where it has one for these options, else one that steps its rows; see `Runner`."""
+    own = world.runner(options, slots, stop_on_failure=stop_on_failure) if isinstance(world, SelfRunning) else None
+    return own or Runner(world, options, slots, stop_on_failure=stop_on_failure)

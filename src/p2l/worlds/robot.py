@@ -6,6 +6,7 @@ A world subclasses `RobotWorld` and gives `sample`, `_truth`, `_observation`, `m
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import mujoco
@@ -17,16 +18,28 @@ from p2l.closure import outside_code
 from p2l.contracts.estimator import Estimator
 from p2l.contracts.observation import Observation, Privileged
 from p2l.contracts.option import Option
-from p2l.contracts.rows import Command, Rows
-from p2l.contracts.world import View
+from p2l.contracts.rows import POSE, Command, Rows
+from p2l.contracts.world import Scenic, View
 from p2l.errors import ConfigError
 from p2l.records import Array, BoolArray, IntArray
 from p2l.sim.batch import Chunk, Engine
 from p2l.sim.scene import Scene
+from p2l.skills.primitives import PRIMITIVES
 
 ROW_VERSION = 1  # raise when the meaning of a saved row changes
+GRIP = "grip_pos"
 HAND = ("grip_quat", "target_quat")
 Fields = Mapping[str, npt.NDArray[np.generic]]
+
+
+def engine_step(world: Scenic, rows: Rows, command: Command) -> tuple[Rows, IntArray, BoolArray]:
+    """One control step of the engine: the rows after it, the kind of failure [N], and which rows diverged [N]."""
+    control = world.control(command)
+    chunk = world.engine.step(rows.states, command.pos, command.quat, control, rows.model)
+    sensors = np.array(chunk.sensors[:, -1])
+    after = replace(rows, states=chunk.states, sensors=sensors, grip=np.array(command.grip))
+    kind, memory = world.monitor(rows, after, chunk, command)
+    return replace(after, memory=memory), kind, chunk.diverged
 
 
 class RobotWorld:
@@ -48,6 +61,7 @@ class RobotWorld:
     memory_size: int = 0
     mode_fields: tuple[str, ...] = ()
     view: View = View()
+    command_columns: Mapping[str, slice] = POSE
     hand_sign: float = 1.0  # of the quaternions `HAND` as they are observed, see `observe_hand_as`
 
     def __init__(
@@ -79,6 +93,23 @@ class RobotWorld:
         self._fingers = {self.engine.control_names.index(act): ends for act, ends in first.fingers.items()}
         self._columns: dict[str, int] = {j: 1 + int(first.model.joint(j).qposadr[0]) for j in joints}
         self._arm = [self._columns[name] for name in first.arm_joints]
+
+    @property
+    def control_period_s(self) -> float:
+        """Of the engine."""
+        return self.engine.control_period_s
+
+    def advance(self, rows: Rows, command: Command) -> tuple[Rows, IntArray, BoolArray]:
+        """One batch of the engine, then the detectors."""
+        return engine_step(self, rows, command)
+
+    def path_m(self, before: Rows, after: Rows) -> Array:
+        """Of the grip site."""
+        return np.asarray(np.linalg.norm(self.read(after, GRIP) - self.read(before, GRIP), axis=1))
+
+    def primitives(self) -> tuple[Option, ...]:
+        """Small motions of the hand (thesis, section 5.4)."""
+        return PRIMITIVES
 
     def visual_model(self, model: int) -> mujoco.MjModel:
         """The model with visual geoms."""

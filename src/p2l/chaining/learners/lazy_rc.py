@@ -29,7 +29,6 @@ from p2l.chaining.mdp import Limits, Transitions
 from p2l.errors import ConfigError
 from p2l.records import Array, BoolArray, IntArray
 from p2l.seeding import entropy, generator, generator_state, restore_generator
-from p2l.skills.primitives import PRIMITIVES
 
 
 @dataclass(frozen=True)
@@ -73,13 +72,14 @@ class Lazy:
     """Outcomes of the nominal options so far, and classifiers of their success.
 
     Args:
+        own: number of the agent's own actions, which come before the options.
         options: number of nominal options.
         settings: when an option counts as certain.
         seed: of forests, splits and audits.
     """
 
-    def __init__(self, options: int, settings: LazySettings, seed: int) -> None:
-        self.settings = settings
+    def __init__(self, own: int, options: int, settings: LazySettings, seed: int) -> None:
+        self.settings, self._own = settings, own
         self._seed = seed
         self._rng = generator(seed, "lazy_rc", "audit")
         self._observations: list[list[Array]] = [[] for _ in range(options)]
@@ -93,7 +93,7 @@ class Lazy:
         """[K] certain to succeed, and not selected for an audit."""
         certain = np.zeros(len(action), dtype=np.bool_)
         for option, classifier in enumerate(self._forests):
-            mine = np.flatnonzero(action == len(PRIMITIVES) + option)
+            mine = np.flatnonzero(action == self._own + option)
             if classifier is not None and len(mine):
                 forest, threshold = classifier
                 certain[mine] = forest.predict_proba(observation[mine])[:, 1] >= threshold
@@ -101,7 +101,7 @@ class Lazy:
 
     def begin(self, slots: IntArray, observation: Array, action: IntArray) -> None:
         """Remember the options that are simulated, and their observations."""
-        for slot, one, option in zip(slots.tolist(), observation, (action - len(PRIMITIVES)).tolist(), strict=True):
+        for slot, one, option in zip(slots.tolist(), observation, (action - self._own).tolist(), strict=True):
             if option >= 0:
                 self._pending[slot] = (option, one)
 
@@ -199,4 +199,5 @@ def learner(
 ) -> Learner:
     """RecoveryChaining without simulation of certain options; for the settings see `LazySettings`."""
     settings = LazySettings(outcomes=outcomes, of_either_kind=of_either_kind, precision=precision, audit=audit)
-    return Learner(limits, task.failures, shortcut=Lazy(len(task.nominal), settings, task.seed))
+    own = task.world.primitives()
+    return Learner(limits, task.failures, own, shortcut=Lazy(len(own), len(task.nominal), settings, task.seed))

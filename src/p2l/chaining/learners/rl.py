@@ -25,7 +25,7 @@ from p2l.contracts.world import Delivering, World
 from p2l.errors import ConfigError
 from p2l.records import Array, BoolArray
 from p2l.seeding import generator
-from p2l.skills.primitives import GRIPS, PRIMITIVES
+from p2l.skills.primitives import GRIPS
 
 Place = Callable[[Privileged], Array]
 REACH, HOLD, CARRY = 0.3, 0.2, 0.5
@@ -55,7 +55,7 @@ def learner(task: ChainTask, limits: Limits, *, decisions: int = 80, starts: int
     rows = task.world.sample(generator(task.seed, "rl", task.world.name, "starts"), starts)
     bounds = replace(limits, decisions=decisions, primitive_steps=10 * decisions)
     dense = _growth(task.world, task.world.delivery_pos)
-    return Learner(bounds, rows, (*PRIMITIVES, *GRIPS), options=False, judge=dense, whole_task=True)
+    return Learner(bounds, rows, (*task.world.primitives(), *GRIPS), options=False, judge=dense, whole_task=True)
 
 
 def potential(world: World, rows: Rows, place: Place) -> Array:

@@ -7,6 +7,7 @@ the YAML alone (`p2l.registry`).
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from p2l.registry import Registry
@@ -58,4 +59,5 @@ def make_learner(name: str, task: ChainTask, limits: Limits, params: Mapping[str
     from p2l.chaining.learner import Learner
 
     factory = LEARNERS.factory_for(name, params, own=2)
-    return LEARNERS.expect(name, factory(task, limits, **dict(params or {})), Learner)
+    learner = LEARNERS.expect(name, factory(task, limits, **dict(params or {})), Learner)
+    return learner if learner.primitives else replace(learner, primitives=task.world.primitives())

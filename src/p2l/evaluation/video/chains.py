@@ -15,9 +15,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from p2l.contracts.rows import Rows
-from p2l.contracts.world import World
-from p2l.evaluation.video.player import Camera, Frames, VideoOptions, save_video
+from p2l.contracts.world import Scenic, World
+from p2l.evaluation.video.player import Camera, Frames, VideoOptions, middle, save_video
 
 if TYPE_CHECKING:  # a clip comes from a policy, which loads torch
     from p2l.chaining.clips import Clip
@@ -44,11 +43,13 @@ def film_side_by_side(
     """
     length = max(len(failure.rows), len(recovery.rows)) if whole_task else len(failure.rows) + len(recovery.rows)
     every = -(-length // options.max_frames)
-    view = replace(world.view, lookat_m=world.view.lookat_m or _middle(world, failure.rows, recovery.rows))
+    view = None
+    if isinstance(world, Scenic):
+        view = replace(world.view, lookat_m=world.view.lookat_m or middle(world, failure.rows, recovery.rows))
     with Camera(world, replace(options, max_frames=length, hold_s=0.0), view) as camera:
         left, after = (_caption_frames(camera, clip, every) for clip in (failure, recovery))
     right = after if whole_task else left[:-1] + after
-    fps = 1.0 / (every * world.engine.control_period_s)
+    fps = 1.0 / (every * world.control_period_s)
     count = max(len(left), len(right)) + round(options.hold_s * fps)
     pairs = [(left[min(k, len(left) - 1)], right[min(k, len(right) - 1)]) for k in range(count)]
     save_video(file, np.stack([np.concatenate(pair, axis=1) for pair in pairs]), fps)
@@ -77,10 +78,3 @@ def _with_band(picture: Frames, text: str) -> Frames:
 def _band(height: int) -> int:
     """Even, as videos want it."""
     return 2 * max(round(BAND * height / 2), 6)
-
-
-def _middle(world: World, *paths: Rows) -> tuple[float, float, float]:
-    """Of where the hand goes."""
-    way = np.concatenate([path.sensors[:, world.engine.sensor_columns["grip_pos"]] for path in paths])
-    x, y, z = 0.5 * (way.min(axis=0) + way.max(axis=0))
-    return float(x), float(y), float(z)

@@ -25,7 +25,7 @@ import numpy.typing as npt
 from p2l import gl
 from p2l.artifacts import atomic
 from p2l.contracts.rows import Rows
-from p2l.contracts.world import View, World
+from p2l.contracts.world import Pictured, Scenic, View, World
 from p2l.errors import P2LError
 from p2l.records import Array
 
@@ -108,12 +108,17 @@ class Camera:
     """
 
     def __init__(self, world: World, options: VideoOptions, view: View | None = None) -> None:
-        name = backend()
-        os.environ.pop("PYOPENGL_PLATFORM", None)
-        self.world, self.options, self.view = world, options, view or world.view
-        self._context: Any = importlib.import_module(f"mujoco.{name}").GLContext(options.width, options.height)
-        self._context.make_current()
+        self.world, self.options = world, options
         self._drawers: dict[int, Drawer] = {}
+        self._context: Any = None
+        name = backend()
+        if isinstance(world, Scenic):
+            os.environ.pop("PYOPENGL_PLATFORM", None)
+            self.view = view or world.view
+            self._context = importlib.import_module(f"mujoco.{name}").GLContext(options.width, options.height)
+            self._context.make_current()
+        elif not isinstance(world, Pictured):
+            raise NoGLError(f"no videos: world '{world.name}' has neither an engine of ours nor a method `pictures`")
 
     def __enter__(self) -> Camera:
         return self
@@ -128,31 +133,44 @@ class Camera:
         for drawer in self._drawers.values():
             drawer.close()
         self._drawers.clear()
-        self._context.free()
+        if self._context is not None:
+            self._context.free()
 
     def film(self, path: Rows, *, failed: bool = False) -> tuple[Frames, float]:
         """[F, H, W, 3] of the rows [T] of one execution, in order, the last one included; and frames per second."""
         every = -(-len(path) // self.options.max_frames)
-        fps = 1.0 / (every * self.world.engine.control_period_s)
+        fps = 1.0 / (every * self.world.control_period_s)
         steps = [*range(0, len(path) - 1, every), len(path) - 1]
-        grip = self.world.engine.sensor_columns["grip_pos"]
-        way = path.sensors[:, grip]
-        lookat = np.asarray(self.view.lookat_m or 0.5 * (way.min(axis=0) + way.max(axis=0)))
-        frames = [self._draw(path.states[step], int(path.model[step]), lookat) for step in steps]
+        if isinstance(self.world, Scenic):
+            lookat = np.asarray(self.view.lookat_m or middle(self.world, path))
+            frames = [self._draw(self.world, path.states[step], int(path.model[step]), lookat) for step in steps]
+        elif isinstance(self.world, Pictured):
+            frames = [self._resized(picture) for picture in self.world.pictures(path.take(steps), backend())]
         if failed:
             frames[-1] = _with_red_edge(frames[-1])
         return np.stack(frames + [frames[-1]] * round(self.options.hold_s * fps)), fps
 
-    def _draw(self, state: Array, model: int, lookat: Array) -> Frames:
+    def _resized(self, picture: Frames) -> Frames:
+        from PIL import Image
+
+        size = self.options.width, self.options.height
+        return np.asarray(Image.fromarray(picture).resize(size, Image.Resampling.BILINEAR), dtype=np.uint8)
+
+    def _draw(self, world: Scenic, state: Array, model: int, lookat: Array) -> Frames:
         from p2l.sim.drawer import Drawer  # tables and figures of finished runs load no simulator
 
         if model not in self._drawers:
             size = self.options.width, self.options.height
-            self._drawers[model] = Drawer(
-                self.world.engine, self.world.visual_model(model), *size, self.options.samples
-            )
+            self._drawers[model] = Drawer(world.engine, world.visual_model(model), *size, self.options.samples)
         view = self.view
         return self._drawers[model].draw(state, lookat, view.azimuth_deg, view.elevation_deg, view.distance_m)
+
+
+def middle(world: Scenic, *paths: Rows) -> tuple[float, float, float]:
+    """Of where the hand goes, world frame, m."""
+    way = np.concatenate([path.sensors[:, world.engine.sensor_columns["grip_pos"]] for path in paths])
+    x, y, z = 0.5 * (way.min(axis=0) + way.max(axis=0))
+    return float(x), float(y), float(z)
 
 
 def save_video(path: Path | str, frames: Frames, fps: float) -> None:

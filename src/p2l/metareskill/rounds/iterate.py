@@ -98,7 +98,7 @@ def lost(field: Field, starts: Rows, execution: Execution, first: Origin, split:
         option=np.full(len(moments), len(field.nominal)),
         kind=np.where(moments.kind == NO_FAILURE, origin.kinds.index(STRANDED), moments.kind),
         step=moments.step,
-        time_s=np.round(moments.step * world.engine.control_period_s, 6),
+        time_s=np.round(moments.step * world.control_period_s, 6),
         episode=moments.episode,
     )
 

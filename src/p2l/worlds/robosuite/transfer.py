@@ -6,7 +6,7 @@ control step. Failure detectors are our world's, on robosuite's sensors.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Literal, get_args
 
@@ -17,7 +17,7 @@ from p2l.contracts.estimator import Estimator
 from p2l.contracts.observation import Observation, Privileged
 from p2l.contracts.option import Option
 from p2l.contracts.rows import Command, Rows
-from p2l.contracts.world import View, World
+from p2l.contracts.world import Scenic, View, World
 from p2l.errors import ConfigError
 from p2l.records import Array, BoolArray, IntArray
 from p2l.sim.batch import Chunk
@@ -25,6 +25,7 @@ from p2l.skills import chain
 from p2l.worlds.robosuite.engine import RobosuiteEngine
 from p2l.worlds.robosuite.environments import environment, scene_of
 from p2l.worlds.robosuite.gains import Gains, impedance_gains
+from p2l.worlds.robot import GRIP, engine_step
 
 Tuning = Literal["matched", "own"]
 
@@ -32,7 +33,7 @@ Tuning = Literal["matched", "own"]
 class TransferWorld:
     """Keeps the contract of `contracts.world.World`, one row at a time; see `make`."""
 
-    def __init__(self, world: World, engine: RobosuiteEngine) -> None:
+    def __init__(self, world: Scenic, engine: RobosuiteEngine) -> None:
         self._world, self._engine = world, engine
 
     @property
@@ -49,6 +50,16 @@ class TransferWorld:
     def engine(self) -> RobosuiteEngine:
         """What steps robosuite."""
         return self._engine
+
+    @property
+    def control_period_s(self) -> float:
+        """Of the engine."""
+        return self._engine.control_period_s
+
+    @property
+    def command_columns(self) -> Mapping[str, slice]:
+        """Those of our world."""
+        return self._world.command_columns
 
     @property
     def estimator(self) -> Estimator:
@@ -90,6 +101,15 @@ class TransferWorld:
         """What the robot sees, with the fields of our world."""
         return self._world.observe(self.original(rows))
 
+    def advance(self, rows: Rows, command: Command) -> tuple[Rows, IntArray, BoolArray]:
+        """One `env.step` of robosuite, then the detectors."""
+        return engine_step(self, rows, command)
+
+    def path_m(self, before: Rows, after: Rows) -> Array:
+        """Of the grip site."""
+        place = self._engine.sensor_columns[GRIP]
+        return np.asarray(np.linalg.norm(after.sensors[:, place] - before.sensors[:, place], axis=1))
+
     def control(self, command: Command) -> Array:
         """Controls of our engine; the stiffnesses among them mean nothing to robosuite."""
         return self._world.control(command)
@@ -107,6 +127,10 @@ class TransferWorld:
         """Those of our world."""
         return self._world.nominal_options()
 
+    def primitives(self) -> tuple[Option, ...]:
+        """Those of our world."""
+        return self._world.primitives()
+
     def visual_model(self, model: int) -> mujoco.MjModel:
         """That of our world."""
         return self._world.visual_model(model)
@@ -123,6 +147,8 @@ def make(world: World, *, tuning: Tuning | Gains = "matched", objects: bool = Fa
     Raises:
         ConfigError: there is no such task in robosuite, or the world is a variant that it does not have.
     """
+    if not isinstance(world, Scenic):
+        raise ConfigError(f"robosuite has no task like world '{world.name}'")
     scene = scene_of(world)
     if not isinstance(tuning, Gains) and tuning not in get_args(Tuning):
         raise ConfigError(f"unknown tuning '{tuning}'; known: {', '.join(get_args(Tuning))}")

@@ -1,0 +1,1 @@
+"""Meta-World's Sawyer arm with the policies that come with it."""

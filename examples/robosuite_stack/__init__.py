@@ -1,0 +1,1 @@
+"""robosuite's Stack with hand-written controllers."""

@@ -1,0 +1,287 @@
+"""One environment, and what may be asked of it: reset, go on from a kept state, run an option to its end.
+
+It works in a process of its own (`worker`); nothing here knows of that. A row of an environment is its packed state and
+what was sensed last: the observation, the last action, whether the task is done and whether the environment has ended
+(1 terminated, 2 truncated).
+
+Axis letters: D numbers of an observation, A of an action, E of the error of the robot's estimate, m of a memory.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from p2l.contracts.world import NO_FAILURE
+from p2l.errors import ConfigError, ShapeError
+from p2l.records import Array
+from p2l.skills.runner import Reason
+from p2l.worlds.gymnasium.layout import Layout, Noise, NoiseMap
+from p2l.worlds.gymnasium.options import Controller, HeldAction, checked_options, decide, to_numbers
+from p2l.worlds.gymnasium.physics import MujocoState
+from p2l.worlds.gymnasium.snapshot import pack, unpack
+
+ENDS = ("terminated", "truncated")  # the environment's own ends, where the task is not done
+GOES_ON = -1
+_FIRST_SEED = 0  # of the reset that makes every process's model the same
+
+
+@dataclass(frozen=True)
+class Definition:
+    """What a person says of an environment; see `world.GymnasiumWorld`."""
+
+    make_env: Callable[[], Any]
+    controllers: tuple[Controller, ...]
+    primitives: tuple[HeldAction, ...]
+    success: Callable[[Any, Any], bool]
+    failed: Callable[[Any, Any], Any]
+    failures: tuple[str, ...]
+    noise: tuple[Noise, ...]
+    position: str | None
+    get_state: Callable[[Any], Mapping[str, Any]] | None
+    set_state: Callable[[Any, Mapping[str, Any]], None] | None
+    draw: Callable[[Any], Any] | None
+
+    @property
+    def options(self) -> tuple[Controller | HeldAction, ...]:
+        """Primitives, then controllers; a job names one by its place."""
+        return (*self.primitives, *self.controllers)
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A row of an environment: its packed state, and [D + A + 2] what was sensed last."""
+
+    state: bytes
+    sensed: Array
+
+
+@dataclass(frozen=True)
+class OptionJob:
+    """An option to run for one row.
+
+    Attributes:
+        option: its place in `Definition.options`.
+        step: control steps since it began.
+        memory: [m].
+        error: [E] of the robot's estimate.
+        kind: flag that was up before, or `NO_FAILURE`.
+        muted: flags do not count before one step raised none.
+        stop_on_failure: a flag ends the option.
+        most: control steps, at most; 0 as many as it takes.
+        command: [A] carried out for one step, instead of an option; None for an option.
+    """
+
+    option: int
+    step: int
+    memory: Array
+    error: Array
+    kind: int
+    muted: bool
+    stop_on_failure: bool
+    most: int
+    command: Array | None = None
+
+
+@dataclass(frozen=True)
+class JobResult:
+    """How a job ended.
+
+    Attributes:
+        reason: a value of `runner.Reason`, or `GOES_ON`.
+        steps: control steps of the job.
+        memory: [m].
+        kind: flag, or `NO_FAILURE`.
+        kind_step: control step of the job at which it was raised, 0 if before it.
+        muted: as in the job.
+        path: way of `position`, in its unit.
+        told: what went wrong in the environment, if it diverged.
+    """
+
+    reason: int
+    steps: int
+    memory: Array
+    kind: int
+    kind_step: int
+    muted: bool
+    path: float
+    told: str = ""
+
+
+class Simulation:
+    """One environment in the hands of p2l.
+
+    Args:
+        definition: of the world.
+
+    Raises:
+        ConfigError: it cannot be made, or is not one that p2l can drive.
+    """
+
+    def __init__(self, definition: Definition) -> None:
+        self.definition = definition
+        try:
+            self.env = definition.make_env()
+            observation, _ = self.env.reset(seed=_FIRST_SEED)
+        except Exception as error:
+            raise ConfigError(f"make_env: {type(error).__name__}: {error}") from error
+        self.layout = Layout.of(observation, self.env.action_space)
+        checked_options(definition.controllers, definition.primitives, self.layout, self.env.action_space)
+        self.noise = NoiseMap.of(self.layout, definition.noise)
+        self._position = None if definition.position is None else self.layout.place(definition.position)
+        self._kinds = {name: place for place, name in enumerate(definition.failures)}
+        self._mujoco = None if definition.get_state else MujocoState(self.env)
+        self._sensed = np.zeros(0)
+        self.copies = 0  # of a whole state, taken or put
+        self._sense(observation, None, np.zeros(self.layout.action_size))
+        self._first = self.take()
+
+    def reset(self, seed: int) -> None:
+        """A new episode, the same whatever the environment has done before.
+
+        Raises:
+            ConfigError: its observation holds NaN.
+        """
+        self.put(self._first)
+        observation, _ = self.env.reset(seed=seed)
+        self._sense(observation, None, np.zeros(self.layout.action_size))
+        if not np.isfinite(self._sensed).all():
+            raise ConfigError(f"after reset(seed={seed}) the observation holds NaN or infinity{self._bad()}")
+
+    def take(self) -> Moment:
+        """The present row."""
+        self.copies += 1
+        return Moment(pack(self.fields()), self._sensed.copy())
+
+    def fields(self) -> Mapping[str, Any]:
+        """Fields of the present state."""
+        if self._mujoco is not None:
+            return self._mujoco.get(self.env)
+        assert self.definition.get_state is not None
+        return self.definition.get_state(self.env)
+
+    def put(self, moment: Moment) -> None:
+        """Go back to a row."""
+        self.copies += 1
+        fields = unpack(moment.state)
+        if self._mujoco is not None:
+            self._mujoco.set(self.env, fields)
+        elif self.definition.set_state is not None:
+            self.definition.set_state(self.env, fields)
+        else:
+            raise ConfigError("a world with `get_state` needs `set_state`, too")
+        self._sensed = moment.sensed.copy()
+
+    def run(self, job: OptionJob) -> JobResult:
+        """Let an option go on from the present row."""
+        memory, kind, kind_step, muted, path, steps = job.memory, job.kind, 0, job.muted, 0.0, 0
+        option = self.definition.options[job.option]
+        if job.command is not None and self._sensed[-1] > 0.5:  # the environment has ended: it stays where it is
+            end = NO_FAILURE if self._sensed[-2] > 0.5 else self._kinds[ENDS[int(self._sensed[-1]) - 1]]
+            return JobResult(GOES_ON, 0, memory, end, kind_step, muted, path)
+        while True:
+            if job.command is None:
+                if self._sensed[-1] > 0.5:  # the environment has ended with the task done
+                    return JobResult(Reason.TERMINATION, steps, memory, kind, kind_step, muted, path)
+                seen = self.layout.structure(self.noise.add(self.observation, job.error))
+                action, memory, done = decide(option, self.layout, seen, self.last_action, memory, job.step + steps)
+                if done or job.step + steps >= option.max_steps:
+                    reason = Reason.TERMINATION if done else Reason.TIMEOUT
+                    return JobResult(reason, steps, memory, kind, kind_step, muted, path)
+            else:
+                action = to_numbers(job.command.reshape(self.layout.action), self.layout, "command")
+            before = self.observation
+            found, told = self._step(action, job, option.name, job.step + steps)
+            steps += 1
+            if told:
+                return JobResult(Reason.DIVERGENCE, steps, memory, kind, kind_step, muted, path, told)
+            if self._position is not None:
+                way = self.observation[self._position] - before[self._position]
+                path += float(np.sqrt((way * way).sum()))
+            flag = found != NO_FAILURE
+            over = self._sensed[-1] > 0.5 and not self._sensed[-2] > 0.5
+            first = flag and kind == NO_FAILURE and (not muted or over)
+            muted = muted and flag
+            if first:
+                kind, kind_step = found, steps
+            if over or (first and job.stop_on_failure):
+                return JobResult(Reason.FAILURE, steps, memory, kind, kind_step, muted, path)
+            if job.command is not None or steps == job.most:
+                return JobResult(GOES_ON, steps, memory, kind, kind_step, muted, path)
+
+    def draw(self) -> npt.NDArray[np.uint8]:
+        """[H, W, 3] a picture of the present row.
+
+        Raises:
+            ConfigError: the environment draws none.
+        """
+        picture = self.definition.draw(self.env) if self.definition.draw else self.env.render()
+        if not isinstance(picture, np.ndarray) or picture.ndim != 3:
+            raise ConfigError(
+                "the environment draws no picture: make it with render_mode='rgb_array', or give the world `draw(env)`"
+            )
+        return np.ascontiguousarray(picture[:, :, :3], dtype=np.uint8)
+
+    @property
+    def observation(self) -> Array:
+        """[D] the truth."""
+        return self._sensed[: self.layout.size]
+
+    @property
+    def last_action(self) -> Array:
+        """[A]."""
+        return self._sensed[self.layout.size : -2]
+
+    def _step(self, action: Array, job: OptionJob, name: str, step: int) -> tuple[int, str]:
+        """One control step: the kind of failure, and what went wrong if the row diverged."""
+        try:
+            observation, reward, terminated, truncated, info = self.env.step(self.layout.to_action(action))
+        except Exception as error:
+            return NO_FAILURE, f"env.step: {type(error).__name__}: {error}"
+        info = {**info, "controller": name, "controller_step": step, "reward": float(reward)}
+        over = 1 if terminated else 2 if truncated else 0
+        self._sense(observation, info, action, over=over)
+        if not np.isfinite(self._sensed).all():
+            return NO_FAILURE, f"the observation holds NaN or infinity{self._bad()}"
+        if over and not self._sensed[-2] > 0.5:
+            return self._kinds[ENDS[over - 1]], ""
+        seen = self.layout.structure(self.noise.add(self.observation, job.error))
+        try:
+            return self._kind(self.definition.failed(info, seen)), ""
+        except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
+            raise ConfigError(f"failed(info, obs): {type(error).__name__}: {error}") from error
+
+    def _kind(self, found: Any) -> int:
+        if found is None or found is False or (isinstance(found, np.bool_) and not found):
+            return NO_FAILURE
+        if isinstance(found, str):
+            if found not in self._kinds:
+                raise ConfigError(f"failed(info, obs) says '{found}'; failure_kinds are {', '.join(self._kinds)}")
+            return self._kinds[found]
+        return 0
+
+    def _sense(self, observation: Any, info: Any, action: Array, *, over: int = 0) -> None:
+        try:
+            flat = self.layout.flat(observation)
+        except (TypeError, ValueError, AttributeError) as error:
+            raise ShapeError(f"the observation has changed its form: {error}") from error
+        if flat.shape != (self.layout.size,):
+            raise ShapeError(f"the observation has {flat.size} numbers now; it had {self.layout.size}")
+        try:
+            done = info is not None and bool(self.definition.success(info, observation))
+        except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
+            raise ConfigError(f"success(info, obs): {type(error).__name__}: {error}") from error
+        self._sensed = np.concatenate([flat, action, [float(done), float(over)]])
+
+    def _bad(self) -> str:
+        bad = [key for key, part in self.layout.parts.items() if not np.isfinite(self._sensed[part.where]).all()]
+        return f" in '{bad[0]}'" if bad else ""
+
+
+def failure_kinds(own: Sequence[str]) -> tuple[str, ...]:
+    """A person's kinds, then the environment's own ends."""
+    return (*own, *ENDS)
