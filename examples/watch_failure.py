@@ -14,7 +14,7 @@ import numpy as np
 
 from p2l import make_world
 from p2l.evaluation.video.player import VideoOptions, play
-from p2l.failures.discovery import discover, replay
+from p2l.failures.discovery import find_failures, replay
 from p2l.failures.record import STRANDED, Failures, Origin, load_failures, open_world, save_failures
 
 WORLD, PARAMS = "examples.push.world:Push", {"sigma_m": 0.03, "estimator": "fixed"}
@@ -27,7 +27,7 @@ def recorded(file: Path) -> Failures:
     nominal = world.nominal_options()
     names, kinds = tuple(option.name for option in nominal), (*world.failure_kinds, STRANDED)
     origin = Origin(WORLD, PARAMS, world.digest, "first_flag", "train", 0, EPISODES, 10, names, kinds)
-    result = discover(world, nominal, world.sample(np.random.default_rng(0), EPISODES), origin, slots=16)
+    result = find_failures(world, nominal, world.sample(np.random.default_rng(0), EPISODES), origin, slots=16)
     print(f"{result.execution.success.mean():.0%} of {EPISODES} episodes reach the goal")
     save_failures(file, result.failures)
     return load_failures(file)

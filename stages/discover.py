@@ -10,7 +10,7 @@ from typing import Any
 from p2l.artifacts import load_json, save_json
 from p2l.contracts.world import World
 from p2l.evaluation.failures.tables import discovery_metrics, discovery_times, split_summary
-from p2l.failures.discovery import discover
+from p2l.failures.discovery import find_failures
 from p2l.failures.record import SPLITS, STRANDED, Origin, save_failures
 from p2l.failures.strategy import ESTIMATORS
 from p2l.schema import DiscoverConfig
@@ -48,7 +48,7 @@ def _discover(cfg: DiscoverConfig, world: World, params: dict[str, Any], out: Pa
             cfg.world.key, params, world.digest, cfg.strategy, split, cfg.seed, count, cfg.max_options, *names
         )
         with counter(f"discover {cfg.item} {split}", " episodes", count) as show:
-            discovery = discover(world, options, starts, origin, slots=cfg.slots, progress=show)
+            discovery = find_failures(world, options, starts, origin, slots=cfg.slots, progress=show)
         save_failures(out / f"failures_{split}.npz", discovery.failures)
         summary[split] = split_summary(discovery)
     save_json(out / "summary.json", summary, schema="discover_summary", version=1)

@@ -5,7 +5,8 @@ Everything that a person imports, in one place; nothing is loaded before it is u
 Which tasks to teach (thesis, chapter 3): `Problem`, `Plan`, `Decision`, `plan`, `explain`, `read_problem`,
 `write_plan`, `read_plan`, `check_certificate`, and facility location for its own sake, `solve_facility_location`.
 Which recovery to train next (chapter 4): `SkillGraph`, `History`, `Trained`, `learn`, `make_chooser`.
-What skills are learnt in: `make_world`, `make_domain`. What has been learnt (chapter 5): `load_policy`.
+What skills are learnt in: `make_world`, `make_domain`, and an environment of your own, `GymnasiumWorld`.
+What goes wrong there: `discover`; how to recover (chapter 5): `recovery_chaining`, `load_policy`.
 What goes wrong because of what was given: `P2LError`.
 """
 
@@ -17,9 +18,11 @@ from typing import TYPE_CHECKING, Any
 from p2l.gl import forget_missing as _forget_missing_gl
 
 if TYPE_CHECKING:
+    from p2l.chaining.front import recovery_chaining
     from p2l.chaining.policy import load_policy
     from p2l.domains.table import make_domain
     from p2l.errors import P2LError
+    from p2l.failures.front import discover
     from p2l.metareskill.choosers.table import make_chooser
     from p2l.metareskill.graph import SkillGraph
     from p2l.metareskill.history import History, Trained
@@ -30,6 +33,7 @@ if TYPE_CHECKING:
     from p2l.team.plan_files import explain, read_plan, write_plan
     from p2l.team.planners import plan
     from p2l.team.problem import Decision, Plan, Problem
+    from p2l.worlds.gymnasium import GymnasiumWorld
     from p2l.worlds.table import make_world
 
 _forget_missing_gl()
@@ -37,6 +41,7 @@ _forget_missing_gl()
 __version__ = "0.2.0"
 __all__ = [
     "Decision",
+    "GymnasiumWorld",
     "History",
     "P2LError",
     "Plan",
@@ -45,6 +50,7 @@ __all__ = [
     "Trained",
     "__version__",
     "check_certificate",
+    "discover",
     "explain",
     "learn",
     "load_policy",
@@ -54,13 +60,16 @@ __all__ = [
     "plan",
     "read_plan",
     "read_problem",
+    "recovery_chaining",
     "solve_facility_location",
     "write_plan",
 ]
 _HOMES = {
+    "p2l.chaining.front": ("recovery_chaining",),
     "p2l.chaining.policy": ("load_policy",),
     "p2l.domains.table": ("make_domain",),
     "p2l.errors": ("P2LError",),
+    "p2l.failures.front": ("discover",),
     "p2l.metareskill.choosers.table": ("make_chooser",),
     "p2l.metareskill.graph": ("SkillGraph",),
     "p2l.metareskill.history": ("History", "Trained"),
@@ -71,6 +80,7 @@ _HOMES = {
     "p2l.team.plan_files": ("explain", "read_plan", "write_plan"),
     "p2l.team.planners": ("plan",),
     "p2l.team.problem": ("Decision", "Plan", "Problem"),
+    "p2l.worlds.gymnasium": ("GymnasiumWorld",),
     "p2l.worlds.table": ("make_world",),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}

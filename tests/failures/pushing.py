@@ -1,6 +1,6 @@
 """Failures of the small push world, found for real."""
 
-from p2l.failures.discovery import discover
+from p2l.failures.discovery import find_failures
 from p2l.failures.record import STRANDED, Origin
 from p2l.failures.strategy import ESTIMATORS
 from p2l.seeding import generator
@@ -22,4 +22,4 @@ def setting(strategy, split="train", episodes=40, world="push", **params):
 def found(strategy="pessimistic", **settings):
     """World, options and what discovery found."""
     world, options, starts, origin = setting(strategy, **settings)
-    return world, options, discover(world, options, starts, origin, slots=16)
+    return world, options, find_failures(world, options, starts, origin, slots=16)

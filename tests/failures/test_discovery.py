@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from p2l.errors import ConfigError
-from p2l.failures.discovery import discover, nominal_run, replay, stranded
+from p2l.failures.discovery import find_failures, nominal_run, replay, stranded
 from p2l.failures.record import STRANDED
 from p2l.failures.strategy import STRATEGIES
 from p2l.skills.chain import run
@@ -99,9 +99,9 @@ def test_a_door_failure_is_reached_again_from_its_start(door, caplog):
 
 def test_an_episode_whose_simulation_breaks_down_is_left_out_and_the_others_go_on():
     world, options, starts, origin = setting("pessimistic", episodes=12, **NOISE)
-    sound = discover(world, options, starts, origin)
+    sound = find_failures(world, options, starts, origin)
     starts.states[[3, 7], 1 + world.engine.nq] = 1e12  # a velocity that MuJoCo gives up on
-    made = discover(world, options, starts, origin)
+    made = find_failures(world, options, starts, origin)
     assert_array_equal(np.flatnonzero(made.execution.diverged), [3, 7])
     assert not made.execution.success[[3, 7]].any()
     assert not set(made.failures.episode) & {3, 7}
@@ -127,4 +127,4 @@ def test_a_nominal_run_is_told_step_by_step():
 def test_an_unknown_strategy_is_refused():
     world, options, starts, origin = setting("pessimistic", episodes=1)
     with pytest.raises(ConfigError, match="'optimistic'; known: pessimistic, early_termination, first_flag"):
-        discover(world, options, starts, type(origin)(**{**vars(origin), "strategy": "optimistic"}))
+        find_failures(world, options, starts, type(origin)(**{**vars(origin), "strategy": "optimistic"}))

@@ -46,7 +46,7 @@ class Discovery:
     execution: Execution
 
 
-def discover(
+def find_failures(
     world: World,
     options: Sequence[Option],
     starts: Rows,

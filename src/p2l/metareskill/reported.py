@@ -21,7 +21,7 @@ import numpy as np
 
 from p2l.artifacts import config_hash
 from p2l.errors import ConfigError
-from p2l.failures.discovery import discover
+from p2l.failures.discovery import find_failures
 from p2l.failures.record import Failures
 from p2l.ledger import Item, find, write
 from p2l.metareskill.graph import SkillGraph
@@ -66,7 +66,7 @@ class ReportedSplit:
         setting, world = self.setting, self.setting.task.world
         starts = world.sample(generator(self.train.origin.seed, "discover", world.name, SPLIT), self.executions)
         origin = replace(self.train.origin, split=SPLIT, executions=self.executions)
-        found = discover(world, world.nominal_options(), starts, origin).failures
+        found = find_failures(world, world.nominal_options(), starts, origin).failures
         failures, _ = members(setting.task, found, setting.modes)
         sizes = np.bincount(failures.mode, minlength=len(setting.graph.sizes))
         if empty := np.flatnonzero(sizes == 0).tolist():

@@ -91,10 +91,19 @@ class Layout:
         """A."""
         return int(np.prod(self.action, dtype=np.int64))
 
-    def flat(self, observation: Any) -> Array:
-        """[D] of an observation."""
-        values = observation.values() if self.is_dict else (observation,)
-        return np.concatenate([np.ravel(np.asarray(value, dtype=np.float64)) for value in values])
+    def write(self, observation: Any, flat: Array) -> None:
+        """Put an observation into `flat` [D].
+
+        Raises:
+            ValueError: it has another form than the first one.
+        """
+        if not self.is_dict:
+            flat[:] = np.reshape(observation, -1)
+            return
+        if len(observation) != len(self.parts):
+            raise ValueError(f"it has the parts {', '.join(observation)}, not {', '.join(self.parts)}")
+        for key, part in self.parts.items():
+            flat[part.where] = np.reshape(observation[key], -1)
 
     def structure(self, flat: Array) -> Any:
         """The observation as the environment gives it, from [D]."""
@@ -150,11 +159,13 @@ class NoiseMap:
         sigma: [E].
         target: [T] places in the flat observation.
         source: [T] of the error that is added there.
+        once: no place is a target twice.
     """
 
     sigma: tuple[float, ...]
     target: IntArray
     source: IntArray
+    once: bool
 
     @classmethod
     def of(cls, layout: Layout, noise: Sequence[Noise]) -> NoiseMap:
@@ -175,17 +186,19 @@ class NoiseMap:
             target += places
             source += [len(sigma) + np.arange(width)] * len(places)
             sigma += own.tolist()
-        return cls(tuple(sigma), np.concatenate(target), np.concatenate(source))
+        every = np.concatenate(target)
+        return cls(tuple(sigma), every, np.concatenate(source), len(np.unique(every)) == len(every))
 
-    def add(self, observation: Array, error: Array) -> Array:
-        """[…, D] what the robot sees, of the truth […, D] and the error […, E]."""
-        seen = observation.copy()
-        if len(self.target):
-            rows, errors = seen.reshape(-1, seen.shape[-1]), np.atleast_2d(error)
+    def shift(self, error: Array, size: int) -> Array:
+        """[…, D] what is added to the truth for the error […, E]; `size` is D."""
+        shift = np.zeros((*error.shape[:-1], size))
+        if self.once:
+            shift[..., self.target] = error[..., self.source]
+        else:
             for target, source in zip(self.target.tolist(), self.source.tolist(), strict=True):
-                rows[:, target] += errors[:, source]
-        return seen
+                shift[..., target] += error[..., source]
+        return shift
 
 
 def _array(flat: Array, part: ObservationPart) -> npt.NDArray[Any]:
-    return flat[part.where].astype(np.dtype(part.dtype)).reshape(part.shape)
+    return flat[part.where].astype(part.dtype).reshape(part.shape)

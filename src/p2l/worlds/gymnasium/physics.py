@@ -14,6 +14,7 @@ from __future__ import annotations
 import types
 from collections import deque
 from collections.abc import Iterator, Mapping
+from itertools import pairwise
 from typing import Any
 
 import mujoco
@@ -32,7 +33,9 @@ _DERIVED = (
     "qfrc_spring", "qfrc_damper", "qfrc_gravcomp", "qfrc_fluid", "act_dot", "actuator_force", "actuator_length",
     "actuator_velocity", "ten_length", "ten_velocity", "sensordata", "energy",
 )  # fmt: skip
-_SHAPES = ("mesh_", "tex_", "bvh_", "hfield_", "skin_", "flex", "name_", "names", "paths", "oct_")  # a reset moves none
+_MOVABLE = (
+    "body_", "geom_", "site_", "jnt_", "dof_", "eq_", "actuator_", "cam_", "light_", "tendon_", "mat_", "pair_", "qpos",
+)  # fmt: skip
 _FOREIGN = (
     "numpy", "mujoco", "builtins", "threading", "logging", "collections", "xml", "matplotlib", "PIL", "glfw", "OpenGL",
     "pathlib", "random", "abc", "functools", "typing", "enum", "gymnasium.spaces", "gymnasium.envs.registration",
@@ -40,7 +43,7 @@ _FOREIGN = (
     "robosuite.models.tasks", "robosuite.models.robots", "robosuite.models.bases",
 )  # fmt: skip
 _SCREEN = ("viewer", "renderer", "mujoco_renderer", "_viewers", "_render_context_offscreen", "render_context")
-_PHYSICS, _MODEL, _OWN, _SAME = "physics", "model.", "env", "same"
+_PHYSICS, _DATA, _MODEL, _OWN, _SAME = "physics", "data", "model.", "env", "same"
 
 
 def mujoco_of(env: Any) -> tuple[mujoco.MjModel, mujoco.MjData]:
@@ -64,6 +67,9 @@ def mujoco_of(env: Any) -> tuple[mujoco.MjModel, mujoco.MjData]:
     )
 
 
+Numbers = npt.NDArray[Any]
+
+
 class MujocoState:
     """Takes and puts states of environments that one `make_env` makes.
 
@@ -72,18 +78,23 @@ class MujocoState:
     """
 
     def __init__(self, env: Any) -> None:
-        model, _ = mujoco_of(env)
-        self._reference = {name: getattr(model, name).copy() for name in _numbers(model)}
+        model, data = mujoco_of(env)
+        self._reference = {name: getattr(model, name).tobytes() for name in _numbers(model)}
+        self._derived = [name for name in _DERIVED if getattr(data, name, np.zeros(0)).size]
+        ends = np.cumsum([0, *(getattr(data, name).size for name in self._derived)]).tolist()
+        self._places = [slice(first, last) for first, last in pairwise(ends)]
+        self._of: tuple[Any, Any] = (None, None)
+        self._arrays: tuple[list[Numbers], list[Numbers]] = ([], [])
 
     def get(self, env: Any) -> dict[str, Any]:
         """Fields of the state by name."""
         model, data = mujoco_of(env)
+        numbers, derived = self._windows(model, data)
         physics = np.empty(mujoco.mj_stateSize(model, _STATE))
         mujoco.mj_getState(model, data, physics, _STATE)
-        fields: dict[str, Any] = {_PHYSICS: physics}
-        fields |= {f"data.{name}": getattr(data, name).copy() for name in _DERIVED if hasattr(data, name)}
-        for name, reference in self._reference.items():
-            if not np.array_equal(value := getattr(model, name), reference):
+        fields: dict[str, Any] = {_PHYSICS: physics, _DATA: np.concatenate([part.reshape(-1) for part in derived])}
+        for (name, reference), value in zip(self._reference.items(), numbers, strict=True):
+            if value.tobytes() != reference:
                 fields[_MODEL + name] = value.copy()
         own = {path: value_of(owner, key) for path, owner, key in _leaves(env)}
         first: dict[int, str] = {}
@@ -98,16 +109,18 @@ class MujocoState:
             ConfigError: it has other objects inside than the one that was taken from.
         """
         model, data = mujoco_of(env)
-        for name, reference in self._reference.items():
-            wanted, value = fields.get(_MODEL + name, reference), getattr(model, name)
-            if not np.array_equal(value, wanted):
-                value[...] = wanted
+        numbers, derived = self._windows(model, data)
+        for (name, reference), value in zip(self._reference.items(), numbers, strict=True):
+            kept = fields.get(_MODEL + name)
+            if kept is not None:
+                value[...] = kept
+            elif value.tobytes() != reference:
+                value[...] = np.frombuffer(reference, dtype=value.dtype).reshape(value.shape)
         mujoco.mj_setState(model, data, fields[_PHYSICS], _STATE)
         mujoco.mj_forward(model, data)  # contacts, and whatever else is not kept
         mujoco.mj_setState(model, data, fields[_PHYSICS], _STATE)
-        for name in _DERIVED:
-            if (kept := fields.get(f"data.{name}")) is not None:
-                getattr(data, name)[...] = kept
+        for part, where in zip(derived, self._places, strict=True):
+            part[...] = fields[_DATA][where].reshape(part.shape)
         own = {path: value for path, value in fields.items() if path.startswith(f"{_OWN}.")}
         own |= {path: own[at] for path, at in fields[_SAME].items()}  # one array under two names stays one
         for path, owner, key in list(_leaves(env)):
@@ -122,10 +135,17 @@ class MujocoState:
                 raise ConfigError(f"state field '{path}': this environment has no '{place}'")
             _put(owner, name, value)
 
+    def _windows(self, model: mujoco.MjModel, data: mujoco.MjData) -> tuple[list[Numbers], list[Numbers]]:
+        """MuJoCo's own arrays of the model's numbers and of what is derived; making them anew would take a third."""
+        if self._of[0] is not model or self._of[1] is not data:
+            numbers = [getattr(model, name) for name in self._reference]
+            self._of, self._arrays = (model, data), (numbers, [getattr(data, name) for name in self._derived])
+        return self._arrays
+
 
 def _numbers(model: mujoco.MjModel) -> list[str]:
     """Fields of a model that a reset may change."""
-    names = [name for name in dir(model) if not name.startswith(("_", *_SHAPES))]
+    names = [name for name in dir(model) if name.startswith(_MOVABLE)]
     return [name for name in names if isinstance(getattr(model, name), np.ndarray) and getattr(model, name).size]
 
 

@@ -9,6 +9,7 @@ Axis letters: D numbers of an observation, A of an action, E of the error of the
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -179,7 +180,8 @@ class Simulation:
     def run(self, job: OptionJob) -> JobResult:
         """Let an option go on from the present row."""
         memory, kind, kind_step, muted, path, steps = job.memory, job.kind, 0, job.muted, 0.0, 0
-        option = self.definition.options[job.option]
+        option, seen = self.definition.options[job.option], None
+        shift = self.noise.shift(job.error, self.layout.size)
         if job.command is not None and self._sensed[-1] > 0.5:  # the environment has ended: it stays where it is
             end = NO_FAILURE if self._sensed[-2] > 0.5 else self._kinds[ENDS[int(self._sensed[-1]) - 1]]
             return JobResult(GOES_ON, 0, memory, end, kind_step, muted, path)
@@ -187,21 +189,21 @@ class Simulation:
             if job.command is None:
                 if self._sensed[-1] > 0.5:  # the environment has ended with the task done
                     return JobResult(Reason.TERMINATION, steps, memory, kind, kind_step, muted, path)
-                seen = self.layout.structure(self.noise.add(self.observation, job.error))
-                action, memory, done = decide(option, self.layout, seen, self.last_action, memory, job.step + steps)
+                obs = self.layout.structure(self.observation + shift if seen is None else seen)
+                action, memory, done = decide(option, self.layout, obs, self.last_action, memory, job.step + steps)
                 if done or job.step + steps >= option.max_steps:
                     reason = Reason.TERMINATION if done else Reason.TIMEOUT
                     return JobResult(reason, steps, memory, kind, kind_step, muted, path)
             else:
                 action = to_numbers(job.command.reshape(self.layout.action), self.layout, "command")
             before = self.observation
-            found, told = self._step(action, job, option.name, job.step + steps)
+            seen, found, told = self._step(action, shift, option.name, job.step + steps)
             steps += 1
             if told:
                 return JobResult(Reason.DIVERGENCE, steps, memory, kind, kind_step, muted, path, told)
             if self._position is not None:
                 way = self.observation[self._position] - before[self._position]
-                path += float(np.sqrt((way * way).sum()))
+                path += math.sqrt(float(way.dot(way)))
             flag = found != NO_FAILURE
             over = self._sensed[-1] > 0.5 and not self._sensed[-2] > 0.5
             first = flag and kind == NO_FAILURE and (not muted or over)
@@ -236,22 +238,22 @@ class Simulation:
         """[A]."""
         return self._sensed[self.layout.size : -2]
 
-    def _step(self, action: Array, job: OptionJob, name: str, step: int) -> tuple[int, str]:
-        """One control step: the kind of failure, and what went wrong if the row diverged."""
+    def _step(self, action: Array, shift: Array, name: str, step: int) -> tuple[Array | None, int, str]:
+        """One control step: what the robot sees [D], the kind of failure, and what went wrong if the row diverged."""
         try:
             observation, reward, terminated, truncated, info = self.env.step(self.layout.to_action(action))
         except Exception as error:
-            return NO_FAILURE, f"env.step: {type(error).__name__}: {error}"
+            return None, NO_FAILURE, f"env.step: {type(error).__name__}: {error}"
         info = {**info, "controller": name, "controller_step": step, "reward": float(reward)}
         over = 1 if terminated else 2 if truncated else 0
         self._sense(observation, info, action, over=over)
         if not np.isfinite(self._sensed).all():
-            return NO_FAILURE, f"the observation holds NaN or infinity{self._bad()}"
+            return None, NO_FAILURE, f"the observation holds NaN or infinity{self._bad()}"
         if over and not self._sensed[-2] > 0.5:
-            return self._kinds[ENDS[over - 1]], ""
-        seen = self.layout.structure(self.noise.add(self.observation, job.error))
+            return None, self._kinds[ENDS[over - 1]], ""
+        seen = self.observation + shift
         try:
-            return self._kind(self.definition.failed(info, seen)), ""
+            return seen, self._kind(self.definition.failed(info, self.layout.structure(seen))), ""
         except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
             raise ConfigError(f"failed(info, obs): {type(error).__name__}: {error}") from error
 
@@ -265,17 +267,17 @@ class Simulation:
         return 0
 
     def _sense(self, observation: Any, info: Any, action: Array, *, over: int = 0) -> None:
+        sensed = np.empty(self.layout.size + len(action) + 2)
         try:
-            flat = self.layout.flat(observation)
-        except (TypeError, ValueError, AttributeError) as error:
+            self.layout.write(observation, sensed[: self.layout.size])
+        except (TypeError, ValueError, AttributeError, KeyError) as error:
             raise ShapeError(f"the observation has changed its form: {error}") from error
-        if flat.shape != (self.layout.size,):
-            raise ShapeError(f"the observation has {flat.size} numbers now; it had {self.layout.size}")
         try:
             done = info is not None and bool(self.definition.success(info, observation))
         except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
             raise ConfigError(f"success(info, obs): {type(error).__name__}: {error}") from error
-        self._sensed = np.concatenate([flat, action, [float(done), float(over)]])
+        sensed[self.layout.size : -2], sensed[-2], sensed[-1] = action, done, over
+        self._sensed = sensed
 
     def _bad(self) -> str:
         bad = [key for key, part in self.layout.parts.items() if not np.isfinite(self._sensed[part.where]).all()]

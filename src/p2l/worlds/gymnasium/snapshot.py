@@ -7,6 +7,7 @@ structure are JSON, arrays follow it byte by byte, so that what is read is what 
 from __future__ import annotations
 
 import json
+import math
 import struct
 from collections import deque
 from collections.abc import Mapping
@@ -20,10 +21,13 @@ from p2l.errors import ShapeError
 _HEADER = struct.Struct("<QQ")  # lengths of the structure and of the arrays
 _ALIGN = 8
 _SCALARS = (bool, int, str, type(None))
+_SIMPLE = frozenset((*_SCALARS, float, np.float64, np.bool_, np.int64))
 
 
 def is_plain(value: object) -> bool:
     """Whether `pack` takes a value."""
+    if type(value) in _SIMPLE:
+        return True
     if isinstance(value, (*_SCALARS, float, bytes, np.generic, np.random.Generator, np.random.RandomState)):
         return True
     if isinstance(value, np.ndarray):
@@ -79,8 +83,7 @@ class _Body:
     def array(self, dtype: str, shape: list[int]) -> npt.NDArray[Any]:
         """The next array, a copy."""
         kind = np.dtype(dtype)
-        count = int(np.prod(shape))
-        array = np.frombuffer(self._view, dtype=kind, count=count, offset=self._at).reshape(shape).copy()
+        array = np.frombuffer(self._view, kind, math.prod(shape), self._at).reshape(shape).copy()
         self._at += array.nbytes + (-array.nbytes % _ALIGN)
         return array
 

@@ -70,6 +70,23 @@ class GymnasiumWorld:
 
     Raises:
         ConfigError: the environment cannot be sent to a process, made, driven or restored; one message says why.
+
+    Example:
+        >>> import gymnasium
+        >>> import numpy as np
+        >>> from p2l import GymnasiumWorld
+        >>> from p2l.worlds.gymnasium import Controller, box_primitives
+        >>> world = GymnasiumWorld(
+        ...     "pole",
+        ...     lambda: gymnasium.make("InvertedPendulum-v5"),
+        ...     [Controller("balance", lambda obs, memory: (5 * obs[1:2], memory + 1, memory[0] == 20), 30, 1)],
+        ...     success=lambda info, obs: abs(obs[1]) < 0.1,
+        ...     primitives=box_primitives(1.0, 3, ["push"]),
+        ...     processes=1,
+        ... )
+        >>> rows = world.sample(np.random.default_rng(0), 2)
+        >>> [option.name for option in (*world.primitives(), *world.nominal_options())], world.goal(rows).tolist()
+        (['+push', '-push', 'balance'], [False, False])
     """
 
     def __init__(
@@ -162,7 +179,8 @@ class GymnasiumWorld:
 
     def observe(self, rows: Rows) -> Observation:
         """The observation with errors, the last action, and the number of actions (options or primitives) so far."""
-        seen = self._noise.add(rows.sensors[:, : self._layout.size], self.estimate_error(rows))
+        shift = self._noise.shift(self.estimate_error(rows), self._layout.size)
+        seen = rows.sensors[:, : self._layout.size] + shift
         fields = {name: seen[:, where] for name, where in self._fields.items()}
         last = rows.sensors[:, self._layout.size : -2]
         return Observation.of({**fields, "last_action": last, "actions": rows.actions})

@@ -1,0 +1,120 @@
+"""Control steps per second of others' environments as worlds, beside the bare environments, in one run.
+
+  python -m benchmarks.foreign                    Fetch, Meta-World, robosuite
+  python -m benchmarks.foreign --worlds fetch     one of them
+
+`alone` is `env.step` in one process and nothing else; `bare` the same in as many processes at once; `ours` a nominal
+chain of the world, controllers, detectors and states included. `share` is ours of alone × processes, `share_bare` ours
+of bare. `copies` are copies of a whole state per control step, `copies_within` those made while an option goes on.
+"""
+
+from __future__ import annotations
+
+import importlib
+import multiprocessing
+import time
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from benchmarks import report
+from p2l.skills import chain
+from p2l.worlds.gymnasium import Controller, GymnasiumWorld
+
+WORLDS = {
+    "fetch": ("examples.fetch.world", {}),
+    "drawer_open": ("examples.metaworld_sawyer.world", {"task": "drawer-open-v3"}),
+    "stack": ("examples.robosuite_stack.world", {}),
+}
+_CHAIN = 4  # options of an episode
+_SLOTS, _ROWS = 16, 64
+
+
+def make_env(name: str) -> Any:
+    """A bare environment."""
+    module, params = WORLDS[name]
+    return importlib.import_module(module).make_env(*params.values())
+
+
+def wait(size: int, steps: int, obs: Any, memory: Any) -> tuple[Any, Any, bool]:  # noqa: ARG001
+    """Nothing, for a while."""
+    return np.zeros(size), memory + 1.0, bool(memory[0] >= steps)
+
+
+def bare(name: str, seconds: float, option_steps: int) -> float:
+    """`env.step` per second."""
+    env = make_env(name)
+    env.reset(seed=0)
+    action, steps = np.zeros(env.action_space.shape), 0
+    for _ in range(20):
+        env.step(action)
+    start = time.perf_counter()
+    while time.perf_counter() - start < seconds:
+        for _ in range(10):
+            env.step(action.copy())
+        steps += 10
+        if steps % (_CHAIN * option_steps) == 0:
+            begin = time.perf_counter()
+            env.reset(seed=steps)
+            start += time.perf_counter() - begin
+    return steps / (time.perf_counter() - start)
+
+
+def never(info: Any, obs: Any) -> bool:  # noqa: ARG001
+    """The task has no end."""
+    return False
+
+
+def ours(name: str, seconds: float, option_steps: int, processes: int) -> dict[str, float]:
+    """Control steps per second of a world, and copies of states."""
+    size = int(np.prod(make_env(name).action_space.shape))
+    controllers = [
+        Controller(f"wait {k}", partial(wait, size, option_steps), 2 * option_steps, 1) for k in range(_CHAIN)
+    ]
+    world = GymnasiumWorld(name, partial(make_env, name), controllers, never, processes=processes)
+    rows = world.sample(np.random.default_rng(0), _ROWS)
+    chain.run(world, world.nominal_options(), rows, slots=_SLOTS)
+    before, steps, options, start = world.processes.copies(), 0, 0, time.perf_counter()
+    while time.perf_counter() - start < seconds:
+        execution = chain.run(world, world.nominal_options(), rows, slots=_SLOTS)
+        steps, options = steps + int(execution.last.step.sum()), options + len(execution.ends)
+    rate = steps / (time.perf_counter() - start)
+    made = world.processes.copies() - before
+    return {"ours": rate, "copies": made / steps, "copies_within": max(0, made - 2 * options) / steps}
+
+
+def measure(name: str, seconds: float, option_steps: int, processes: int) -> report.Row:
+    """One environment."""
+    alone = bare(name, seconds, option_steps)
+    with multiprocessing.get_context("spawn").Pool(processes) as pool:
+        together = sum(pool.starmap(bare, [(name, seconds, option_steps)] * processes))
+    mine = ours(name, seconds, option_steps, processes)
+    return {
+        "world": name,
+        "processes": processes,
+        "option_steps": option_steps,
+        "alone": round(alone, 1),
+        "bare": round(together, 1),
+        "ours": round(mine["ours"], 1),
+        "share": round(mine["ours"] / (alone * processes), 3),
+        "share_bare": round(mine["ours"] / together, 3),
+        "copies": round(mine["copies"], 4),
+        "copies_within": mine["copies_within"],
+    }
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Command line."""
+    parser = report.parser(__doc__)
+    parser.add_argument("--worlds", nargs="+", choices=sorted(WORLDS), default=list(WORLDS))
+    parser.add_argument("--processes", type=int, default=2)
+    parser.add_argument("--option-steps", type=int, nargs="+", default=[50], help="control steps of an option")
+    parser.add_argument("--seconds", type=float, default=10.0, help="of each measurement")
+    args = parser.parse_args(arguments)
+    rows = [measure(name, args.seconds, steps, args.processes) for name in args.worlds for steps in args.option_steps]
+    report.finish(rows, args.json)
+
+
+if __name__ == "__main__":
+    main()

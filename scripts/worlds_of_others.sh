@@ -1,0 +1,31 @@
+#!/usr/bin/env bash
+# Four tasks that others have made, with their own simulators: failures, modes, RecoveryChaining with three seeds of
+# 100,000 control steps each, its success, and a film of a failure beside its recovery. An hour and a half on two cores.
+# Run it again after an interruption: finished trainings and evaluations are in results/thesis/records/, and what is under
+# way goes on from its checkpoint in build/worlds_of_others/.
+#
+#   scripts/worlds_of_others.sh                  # all of it
+#   WORLDS="fetch" scripts/worlds_of_others.sh   # one task, without the table
+set -euo pipefail
+
+root=$(git -C "$(dirname "${BASH_SOURCE[0]}")" rev-parse --show-toplevel)
+cd "$root"
+results=results/thesis build=build/worlds_of_others
+read -ra worlds <<< "${WORLDS:-fetch drawer_open door_open stack}"
+mkdir -p "$build" "$results/videos" "$results/tables"
+run() { .venv/bin/python -m "stages.$1" --config-dir examples/conf experiment=thesis tracking=disabled "${@:2}"; }
+
+for world in "${worlds[@]}"; do
+  place=$build/$world
+  found=(failures="$place/discover/failures_train.npz")
+  [ -f "$place/discover/manifest.json" ] || [ -f "$place/discover/summary.json" ] ||
+    run discover world="$world" executions.train=400 executions.held_out=150 records=null hydra.run.dir="$place/discover"
+  run cluster world="$world" "${found[@]}" held_out="$place/discover/failures_held_out.npz" videos=false records=null \
+    hydra.run.dir="$place/cluster"
+  run chain_recoveries world="$world" "${found[@]}" 'compare=[rc]' 'seeds=[0,1,2]' budget=100000 evaluation.every=20000 \
+    hydra.run.dir="$place/chains"
+  run evaluate_chains world="$world" learnt="$place/chains" 'learners=[rc]' 'seeds=[0,1,2]' videos=false \
+    transfer.failures=0 'reuse.learners=[]' hydra.run.dir="$place/judged"
+  run watch world="$world" "${found[@]}" failure=0 policy="$place/chains/policies/rc/s0" hydra.run.dir="$place/film" &&
+    cp "$place/film/$world-failure0-recovery.mp4" "$results/videos/$world.mp4"
+done
