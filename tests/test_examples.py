@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from examples import made_up_graph, plan_a_day, watch_failure
+from examples import branching_graph, made_up_graph, plan_a_day, watch_failure
 from p2l import Decision
 from p2l.evaluation.video.player import NoGLError, backend
 
@@ -23,6 +23,12 @@ def test_a_made_up_graph_is_trained_where_it_pays(capsys):
     values = made_up_graph.main()
     assert values["metareskill"] > values["round_robin"]
     assert capsys.readouterr().out.count("rounds by mode and target") == 2
+
+
+def test_the_way_through_a_branching_graph_changes_with_what_was_trained(capsys):
+    history = branching_graph.main()
+    assert "before: carry; after: throw" in capsys.readouterr().out
+    assert history.counts[branching_graph.DROPPED, branching_graph.START] > 2
 
 
 def test_a_recorded_failure_is_found_again_and_filmed(tmp_path):

@@ -4,7 +4,8 @@ Everything that a person imports, in one place; nothing is loaded before it is u
 
 Which tasks to teach (thesis, chapter 3): `Problem`, `Plan`, `Decision`, `plan`, `explain`, `read_problem`,
 `write_plan`, `read_plan`, `check_certificate`, and facility location for its own sake, `solve_facility_location`.
-Which recovery to train next (chapter 4): `SkillGraph`, `History`, `Trained`, `learn`, `make_chooser`.
+Which recovery to train next (chapter 4): `SkillGraph` (of `NominalSkill`s), `History`,
+`Trained`, `learn`, `make_chooser`.
 What skills are learnt in: `make_world`, `make_domain`, and an environment of your own, `GymnasiumWorld`.
 What goes wrong there: `discover`; how to recover (chapter 5): `recovery_chaining`, `load_policy`.
 What goes wrong because of what was given: `P2LError`.
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
     from p2l.errors import P2LError
     from p2l.failures.front import discover
     from p2l.metareskill.choosers.table import make_chooser
-    from p2l.metareskill.graph import SkillGraph
+    from p2l.metareskill.graph import NominalSkill, SkillGraph
     from p2l.metareskill.history import History, Trained
     from p2l.metareskill.loop import learn
     from p2l.team.certificate import check_certificate
@@ -43,6 +44,7 @@ __all__ = [
     "Decision",
     "GymnasiumWorld",
     "History",
+    "NominalSkill",
     "P2LError",
     "Plan",
     "Problem",
@@ -71,7 +73,7 @@ _HOMES = {
     "p2l.errors": ("P2LError",),
     "p2l.failures.front": ("discover",),
     "p2l.metareskill.choosers.table": ("make_chooser",),
-    "p2l.metareskill.graph": ("SkillGraph",),
+    "p2l.metareskill.graph": ("NominalSkill", "SkillGraph"),
     "p2l.metareskill.history": ("History", "Trained"),
     "p2l.metareskill.loop": ("learn",),
     "p2l.team.certificate": ("check_certificate",),

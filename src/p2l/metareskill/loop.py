@@ -94,8 +94,8 @@ def _rounds(
     while len(history) < rounds:
         choice = chooser(graph.with_q(history.best), history, rng)
         before = int(history.counts[choice.mode, choice.target]) * episodes
-        for episode in range(episodes):
-            result = train(choice.mode, choice.target, before + episode)
+        results = [train(choice.mode, choice.target, before + episode) for episode in range(episodes)]
+        result = max(results, key=lambda one: one.q)  # the better policy is kept; of equals the first
         latest = _explain(graph, history, choice, result)
         state = json.dumps(rng.bit_generator.state)
         history = dataclasses.replace(history, rounds=(*history.rounds, latest), generator=state)

@@ -38,6 +38,8 @@ def recovery_values(graph: SkillGraph, targets: Array, q: Array | None = None) -
 
 def backup(graph: SkillGraph, values: Values, q: Array | None = None) -> Values:
     """One Bellman backup of every state at once."""
+    if graph.skills:
+        return _general_backup(graph, values, graph.q if q is None else np.asarray(q))
     nominal = graph.skill_reward + graph.nominal * values.targets[1:] - (1.0 - graph.nominal) * graph.c_fail
     best = recovery_values(graph, values.targets, q).max(axis=-1)
     return Values(np.append(nominal, 0.0), np.maximum(best, -graph.c_fail))
@@ -46,16 +48,49 @@ def backup(graph: SkillGraph, values: Values, q: Array | None = None) -> Values:
 def value_iteration(graph: SkillGraph, q: Array | None = None) -> Values:
     """The fixed point of `backup`.
 
-    The graph has no cycle, so K + 2 sweeps from any start reach it exactly; the change is checked all the same.
+    A chain has no cycle, so K + 2 sweeps from any start reach it exactly; the change is checked all the same. In a
+    graph with cycles every skill costs something, so there is one fixed point, and sweeps come as close as asked.
     """
     shape = graph.q.shape if q is None else np.shape(q)
-    values = Values(np.zeros(len(graph.nominal) + 1), np.zeros(shape[:-1]))
+    targets = np.zeros((*shape[:-2], len(graph.nominal) + 1) if graph.skills else len(graph.nominal) + 1)
+    values = Values(targets, np.zeros(shape[:-1]))
     while True:
         new = backup(graph, values, q)
         change = max(np.abs(new.targets - values.targets).max(), np.abs(new.modes - values.modes).max())
         values = new
         if change <= _TOLERANCE * graph.c_fail:
             return values
+
+
+def _general_backup(graph: SkillGraph, values: Values, q: Array) -> Values:
+    """One backup of a graph that is no chain; `values.targets` [..., M] may have the leading axes of `q`."""
+    worth = skill_values(graph, values)
+    source, _, _ = graph.edges
+    targets = np.full((*worth.shape[:-1], len(graph.nominal) + 1), -np.inf)
+    for place in range(len(source)):
+        targets[..., source[place]] = np.maximum(targets[..., source[place]], worth[..., place])
+    targets[np.isneginf(targets)] = -graph.c_fail  # no skill starts there: the robot is stranded
+    targets[..., -1] = 0.0
+    best = recovery_values(graph, values.targets[..., None, :], q).max(axis=-1)
+    return Values(targets, np.maximum(best, -graph.c_fail))
+
+
+def skill_values(graph: SkillGraph, values: Values) -> Array:
+    """[..., S] value of executing each nominal skill and acting greedily from where it leads."""
+    _, reach, fall = graph.edges
+    lost = 1.0 - reach.sum(axis=1) - fall.sum(axis=1)
+    return np.asarray(graph.skill_reward + values.targets @ reach.T + values.modes @ fall.T - lost * graph.c_fail)
+
+
+def best_skills(graph: SkillGraph) -> tuple[str | None, ...]:
+    """[K] the skill to execute at each precondition: the most valuable, of equals the first; None where none starts."""
+    worth, (source, _, _) = skill_values(graph, value_iteration(graph)), graph.edges
+    names = [skill.name for skill in graph.skills] or [f"skill {place}" for place in range(len(source))]
+    chosen: list[str | None] = []
+    for vertex in range(len(graph.nominal)):
+        mine = np.flatnonzero(source == vertex)
+        chosen.append(names[int(mine[worth[mine].argmax()])] if len(mine) else None)
+    return tuple(chosen)
 
 
 def value_of_failures(graph: SkillGraph, q: Array | None = None) -> Array:
@@ -66,9 +101,14 @@ def value_of_failures(graph: SkillGraph, q: Array | None = None) -> Array:
 def predicted_value(graph: SkillGraph, q_upper: Array) -> Array:
     """[I, M] J^U: the value of failures if q_ij alone were replaced by `q_upper`_ij, for every (i, j) at once.
 
-    No skill ends in a failure mode, so that replacing q_ij moves the value of mode i and no other: one backup of the
-    replaced entries on the solved graph is the fixed point of every replaced graph.
+    In a chain no skill ends in a failure mode, so that replacing q_ij moves the value of mode i and no other: one
+    backup of the replaced entries on the solved graph is the fixed point of every replaced graph. Other graphs are
+    solved anew.
     """
+    if graph.skills:
+        places = np.eye(graph.q.size, dtype=bool).reshape(-1, *graph.q.shape)
+        replaced = np.where(places, q_upper, graph.q)
+        return np.asarray(value_of_failures(graph, replaced)).reshape(graph.q.shape)
     values = value_iteration(graph)
     count = len(values.targets)
     current = recovery_values(graph, values.targets)[:, None, :]

@@ -69,6 +69,8 @@ def oracle(curves: Array | None = None, budget: int = 0) -> Rule:
 
 def _gains(graph: SkillGraph, curves: Array, budget: int) -> Array:
     """[I, M, budget + 1] rise of the value of failures if recovery (i, j) alone gets 0 … budget rounds."""
+    if graph.skills:
+        raise ConfigError("oracle: knows the best plan of a chain only, where no mode's gain changes another's value")
     rates = freeze("curves", curves, ("I", "M", "L"), dict(zip("IM", graph.q.shape, strict=True)), low=0.0, high=1.0)
     best = np.maximum.accumulate(np.concatenate([graph.q[..., None], rates], axis=2), axis=2)
     q = best[:, :, np.minimum(np.arange(budget + 1), best.shape[2] - 1)]
