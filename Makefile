@@ -71,7 +71,7 @@ lock: ## pin the newest allowed versions anew (pyproject.toml says what is allow
 	rm -rf build/lock
 	"$(PYTHON)" -m venv build/lock
 	build/lock/bin/python -m pip install --quiet --upgrade pip setuptools
-	build/lock/bin/python -m pip install --quiet --group dev -e '.[envs]'
+	build/lock/bin/python -m pip install --quiet --group dev -e '.[envs,export]'
 	build/lock/bin/python -m pip install --quiet --no-deps metaworld==3.1.1 # it asks for an older MuJoCo, and runs with ours
 	build/lock/bin/python -m pip freeze --all --exclude-editable --exclude pip | sed -E -e 's/\+cpu$$//' -e 's/^opencv-python==/opencv-python-headless==/' > requirements.lock
 	rm -rf build/lock

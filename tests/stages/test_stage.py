@@ -194,6 +194,7 @@ NEEDS = {
     "iterate_recoveries": {"mujoco", "matplotlib", "sklearn"},
     "learn_recoveries": {"mujoco", "matplotlib"},
     "check_plan": set(),
+    "export": {"mujoco", "torch"},
     "plan": set(),
     "evaluate_chains": {"mujoco", "torch", "matplotlib"},
     "evaluate_recoveries": {"mujoco", "matplotlib"},

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import get_args
 
 from p2l.schema.base import ArchivedStageConfig, StageConfig, resolve, validate
-from p2l.schema.chains import ChainRecoveriesConfig, EvaluateChainsConfig
+from p2l.schema.chains import ChainRecoveriesConfig, EvaluateChainsConfig, ExportConfig
 from p2l.schema.metareskill import (
     EvaluateRecoveriesConfig,
     FitPreconditionsConfig,
@@ -37,6 +37,7 @@ SCHEMAS: Mapping[str, type[StageConfig]] = {
     "iterate_recoveries": IterateRecoveriesConfig,
     "chain_recoveries": ChainRecoveriesConfig,
     "evaluate_chains": EvaluateChainsConfig,
+    "export": ExportConfig,
     "watch": WatchConfig,
     "report": ReportConfig,
     "config": ConfigStageConfig,
@@ -62,6 +63,7 @@ __all__ = [
     "EvaluateChainsConfig",
     "EvaluateRecoveriesConfig",
     "EvaluateTeamConfig",
+    "ExportConfig",
     "FitPreconditionsConfig",
     "FitTransferConfig",
     "IterateRecoveriesConfig",

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from pydantic import Field, model_validator
 
 from p2l.chaining.learners.table import LEARNERS
-from p2l.schema.base import ChoiceConfig, ConfigSection, Count, NotNegative, Positive, Probability
+from p2l.schema.base import ChoiceConfig, ConfigSection, Count, NotNegative, Positive, Probability, StageConfig
 from p2l.schema.recovery import VideoConfig, WorldStageConfig
 
 Seed = Annotated[int, Field(ge=0)]
@@ -158,3 +158,20 @@ class EvaluateChainsConfig(WorldStageConfig):
     def method(self) -> str:
         """All learners are compared."""
         return "learners"
+
+
+class ExportConfig(StageConfig):
+    """Stage `export`: a policy as ONNX; `failures: null` is where the pipeline has those of its world."""
+
+    policy: Path
+    failures: Path | None
+
+    @property
+    def subject(self) -> str:
+        """The policy's folder."""
+        return self.policy.name
+
+    @property
+    def method(self) -> str:
+        """The only one."""
+        return "onnx"
