@@ -29,3 +29,25 @@ for world in "${worlds[@]}"; do
   run watch world="$world" "${found[@]}" failure=0 policy="$place/chains/policies/rc/s0" hydra.run.dir="$place/film" &&
     cp "$place/film/$world-failure0-recovery.mp4" "$results/videos/$world.mp4"
 done
+
+[ -z "${WORLDS:-}" ] || exit 0
+.venv/bin/python - "$build" "$results" "${worlds[@]}" << 'PYTHON'
+import json
+import sys
+from pathlib import Path
+
+import pandas as pd
+
+build, results, worlds = Path(sys.argv[1]), Path(sys.argv[2]), sys.argv[3:]
+rows = []
+for world in worlds:
+    place = build / world
+    found = json.loads((place / "discover/summary.json").read_text())["train"]
+    modes = len(pd.read_csv(place / "cluster/modes.csv"))
+    table = pd.read_csv(place / "judged/table_5_1.csv")
+    for _, row in table[table["setting"] == f"world={world}"].iterrows():
+        rows.append({"world": world, "failures": found["failures"], "of_episodes": found["executions"], "modes": modes}
+                    | row[["method", "metric", "mean", "low", "high", "n"]].to_dict())
+pd.DataFrame(rows).to_csv(results / "tables/worlds_of_others.csv", index=False, float_format="%.4g")
+PYTHON
+echo "the table is $results/tables/worlds_of_others.csv, films are $results/videos/{${worlds[*]}}.mp4"

@@ -91,6 +91,8 @@ class RobotWorld:
         outside = [] if module.startswith("p2l.") else [outside_code([module]), self.engine.fingerprint()]
         self.digest = config_hash([ROW_VERSION, name, digest_params, joints, *columns, *outside])
         self._fingers = {self.engine.control_names.index(act): ends for act, ends in first.fingers.items()}
+        single = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
+        self._single = {name for name in joints if first.model.joint(name).type[0] in single}
         self._columns: dict[str, int] = {j: 1 + int(first.model.joint(j).qposadr[0]) for j in joints}
         self._arm = [self._columns[name] for name in first.arm_joints]
 
@@ -209,7 +211,20 @@ class RobotWorld:
         return rows.sensors[:, self.engine.sensor_columns[sensor]]
 
     def joint(self, rows: Rows, name: str) -> Array:
-        """[N] position of a hinge or slide joint, rad or m."""
+        """[N] position of a hinge or slide joint, rad or m.
+
+        Raises:
+            ConfigError: no such joint, or one whose position is more than a number (a free one has seven).
+        """
+        if name not in self._single:
+            known = ", ".join(sorted(self._single)) or "none"
+            if name in self._columns:
+                raise ConfigError(
+                    f"{self.name}: joint '{name}' is free or a ball, its position is no number; read a pose instead, "
+                    f"`self.read(rows, <sensor>)` with sensors {', '.join(self.engine.sensor_columns)} "
+                    "(`Parts.pose_sensors` adds one)"
+                )
+            raise ConfigError(f"{self.name}: no hinge or slide joint '{name}'; there are: {known}")
         return rows.states[:, self._columns[name]]
 
     def arm(self, rows: Rows) -> Array:
