@@ -9,8 +9,8 @@ from __future__ import annotations
 
 import logging
 import weakref
-from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -18,13 +18,11 @@ import numpy.typing as npt
 from p2l.contracts.observation import Observation
 from p2l.contracts.option import Option
 from p2l.contracts.rows import Rows
-from p2l.contracts.world import NO_FAILURE
-from p2l.records import IntArray
+from p2l.contracts.world import NO_FAILURE, World
+from p2l.records import Array, IntArray
 from p2l.skills.runner import Events, Reason, Runner
+from p2l.worlds.gymnasium.processes import Processes
 from p2l.worlds.gymnasium.simulation import GOES_ON, JobResult, Moment, OptionJob
-
-if TYPE_CHECKING:
-    from p2l.worlds.gymnasium.world import GymnasiumWorld
 
 log = logging.getLogger(__name__)
 
@@ -36,6 +34,8 @@ class ProcessRunner(Runner):
 
     Args:
         world: of environments.
+        processes: of the world.
+        error: [N, E] of the robot's estimate in rows [N].
         options: of the world, its controllers and primitives.
         places: [options] of each in the definition of the world.
         slots: B.
@@ -44,7 +44,9 @@ class ProcessRunner(Runner):
 
     def __init__(
         self,
-        world: GymnasiumWorld,
+        world: World,
+        processes: Processes,
+        error: Callable[[Rows], Array],
         options: Sequence[Option],
         places: Sequence[int],
         slots: int,
@@ -52,7 +54,7 @@ class ProcessRunner(Runner):
         stop_on_failure: bool = True,
     ) -> None:
         super().__init__(world, options, slots, stop_on_failure=stop_on_failure)
-        self._processes, self._places, self._estimate = world.processes, tuple(places), world.estimate_error
+        self._processes, self._places, self._error = processes, tuple(places), error
         self._lanes: list[int] = self._processes.take_lanes(slots).tolist()
         self._is_there = np.zeros(slots, dtype=np.bool_)  # the lane's last job has left the slot's row
         self._tickets: dict[int, int] = {}  # of the slots at work, in the order in which they began
@@ -116,7 +118,7 @@ class ProcessRunner(Runner):
             option=self._places[option],
             step=int(self.step[slot]),
             memory=self._memory[slot, : self.options[option].memory_size].copy(),
-            error=self._estimate(row)[0],
+            error=self._error(row)[0],
             kind=int(self.kind[slot]),
             muted=bool(self.muted[slot]),
             stop_on_failure=self.stop_on_failure,

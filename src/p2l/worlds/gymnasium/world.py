@@ -214,7 +214,8 @@ class GymnasiumWorld:
         places = [own.index(option) for option in options if option in own]
         if len(places) < len(options):
             return None
-        return ProcessRunner(self, options, places, slots, stop_on_failure=stop_on_failure)
+        error = self.estimate_error
+        return ProcessRunner(self, self.processes, error, options, places, slots, stop_on_failure=stop_on_failure)
 
     def estimate_error(self, rows: Rows) -> Array:
         """[N, E] what is added to the truth."""
