@@ -47,6 +47,7 @@ try "corrupted cache: a flipped byte"         tests/test_artifacts.py -k "flippe
 try "NaN into solvers"                        tests/team/test_solve.py tests/team/test_location.py tests/team/test_problem.py -k "nan or NaN or refuses or refused or bad_input"
 try "numbers that mean never, at every scale" tests/team/test_planners.py tests/team/test_location.py -k "scale or never or million"
 try "time-outs"                               tests/team/test_planners.py tests/team/test_facility.py -k "time_limit or alarm"
+try "a time limit in the first call of a process" tests/team/test_loading.py
 try "same seed twice, other threads and hash seeds" tests/stages/test_chain_stages.py -k "threads"
 try "a restored row replays"                  tests/sim/test_batch.py tests/failures/test_discovery.py -k "replay"
 try "mistyped configurations"                 tests/stages/test_stage.py tests/test_schema.py -k "mistake or path or wrong"
@@ -54,11 +55,12 @@ try "comment-only edits"                      tests/test_closure.py tests/stages
 [ ${#words[@]} -gt 0 ] || load # killed before it has begun, a load would take the log with it
 try "8 first writers of a store, under load"  tests/tracking -k "together or making or waits"
 [ ${#busy[@]} -eq 0 ] || kill "${busy[@]}" 2> /dev/null; busy=()
-try "a failing job of a sweep"                tests/stages/test_stage.py -k "sweep"
+try "a failing job of a sweep, a stopped one"  tests/stages/test_stage.py -k "sweep"
 try "empty inputs"                            tests/failures tests/team/test_files.py tests/sim/test_batch.py -k "empty or no_failure or no_rows or mistake"
 try "half a table, picture, film or configuration" tests/test_manifest.py tests/evaluation/page/test_report.py -k "half or change or damaged"
 try "another processor's last bits"           tests/test_archive.py tests/metareskill/test_playbook.py tests/team/test_study.py -k "kept or last_bits or ledger"
 try "a tracking server that dies"             tests/tracking/test_outbox.py
+try "an environment's process that dies, a row that was kept" tests/worlds/test_gymnasium.py -k "dies or goes_on or slots"
 try "no GL, or one that is not there"         tests/test_gl.py
 try "a full disk, a folder that is a file"    tests/test_artifacts.py -k "full_disk"
 try "an install beside somebody else's folders" tests/test_install.py
