@@ -52,8 +52,7 @@ class Robot:
 
     def state(self, columns: list[str]) -> Any:
         """[1, O] what the policy observes, in the order of its card."""
-        obs = self.seen()
-        whole = obs["observation"]
+        whole = (obs := self.seen())["observation"]
         fields = {
             "grip_pos_m": whole[0:3],
             "object_pos_m": whole[3:6],
@@ -61,11 +60,8 @@ class Robot:
             "actions": [self.actions],
         }
         fields |= {"observation[6:9]": whole[6:9], "observation[11:25]": whole[11:], "last_action": self.last, **obs}
-        row = []
-        for column in columns:
-            name, _, index = column.rpartition("[") if column not in fields else (column, "", "0]")
-            row.append(fields[name][int(index[:-1])])
-        return np.array([row], dtype=np.float32)
+        parts = [column.rpartition("[") if column not in fields else (column, "", "0]") for column in columns]
+        return np.array([[fields[name][int(index[:-1])] for name, _, index in parts]], dtype=np.float32)
 
 
 def run_from(robot: Robot, first: str) -> str | None:
@@ -83,22 +79,21 @@ def run_from(robot: Robot, first: str) -> str | None:
     return None
 
 
-def recover(robot: Robot, session: Any, card: dict[str, Any]) -> list[str]:
-    """The policy's decisions, until it hands control back or its episode is over."""
-    taken: list[str] = []
+def recover(robot: Robot, session: Any, card: dict[str, Any]) -> bool:
+    """The policy decides until it hands control back or its episode is over; whether the task is done then."""
     for _ in range(card["limits"]["decisions"]):
         [choice] = session.run(["action"], {"observation": robot.state(card["columns"])})[0]
-        taken.append(card["actions"][choice])
-        if taken[-1].startswith("from "):
-            run_from(robot, taken[-1].removeprefix("from "))
+        name = card["actions"][choice]
+        if name.startswith("from "):
+            run_from(robot, name.removeprefix("from "))
             break
-        axis, size = AXES[taken[-1]]
+        axis, size = AXES[name]
         action = np.append(np.zeros(3), robot.last[3])
         action[axis] = size
         for count in range(HELD_STEPS):
-            robot.step(action, taken[-1], count)
+            robot.step(action, name, count)
         robot.finish()
-    return taken
+    return skills.success(robot.info, robot.truth)
 
 
 def main(folder: Path, episodes: int = 50) -> tuple[float, float]:
@@ -113,8 +108,7 @@ def main(folder: Path, episodes: int = 50) -> tuple[float, float]:
         alone += done
         if flag is not None:
             robot.finish()
-            recover(robot, session, card)
-            done = skills.success(robot.info, robot.truth)
+            done = recover(robot, session, card)
         together += done
     print(f"{episodes} episodes: nominal {alone / episodes:.0%}, with recovery {together / episodes:.0%}")
     return alone / episodes, together / episodes
