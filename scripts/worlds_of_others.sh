@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Four tasks that others have made, with their own simulators: failures, modes, RecoveryChaining with three seeds of
-# 100,000 control steps each, its success, and a film of a failure beside its recovery. An hour and a half on two cores.
+# 40,000 control steps each, its success, and a film of a failure beside its recovery. Forty minutes on two cores.
 # Run it again after an interruption: finished trainings and evaluations are in results/thesis/records/, and what is under
 # way goes on from its checkpoint in build/worlds_of_others/.
 #
@@ -22,7 +22,7 @@ for world in "${worlds[@]}"; do
     run discover world="$world" executions.train=400 executions.held_out=150 records=null hydra.run.dir="$place/discover"
   run cluster world="$world" "${found[@]}" held_out="$place/discover/failures_held_out.npz" videos=false records=null \
     hydra.run.dir="$place/cluster"
-  run chain_recoveries world="$world" "${found[@]}" 'compare=[rc]' 'seeds=[0,1,2]' budget=100000 evaluation.every=20000 \
+  run chain_recoveries world="$world" "${found[@]}" 'compare=[rc]' 'seeds=[0,1,2]' budget=40000 evaluation.every=8000 \
     hydra.run.dir="$place/chains"
   run evaluate_chains world="$world" learnt="$place/chains" 'learners=[rc]' 'seeds=[0,1,2]' videos=false \
     transfer.failures=0 'reuse.learners=[]' hydra.run.dir="$place/judged"

@@ -271,6 +271,8 @@ def _command(name: str) -> str:
     settings = HydraConfig.get()
     words = ["python", "-m", f"stages.{name}"]
     [source] = [entry.path for entry in settings.runtime.config_sources if entry.provider == "main"]
+    more = [entry.path for entry in settings.runtime.config_sources if entry.provider == "command-line"]
+    words += [word for path in more for word in ("--config-dir", os.path.relpath(path))]
     if Path(source) != ROOT / "conf":
         words += ["-cp", os.path.relpath(source), "-cn", str(settings.job.config_name)]
     run_dir = [word for word in settings.overrides.hydra if word.startswith("hydra.run.dir=")]

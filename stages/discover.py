@@ -9,7 +9,7 @@ from typing import Any
 
 from p2l.artifacts import load_json, save_json
 from p2l.contracts.world import World
-from p2l.evaluation.failures.tables import discovery_metrics, discovery_times, split_summary
+from p2l.evaluation.failures.tables import discovery_line, discovery_metrics, discovery_times, split_summary
 from p2l.failures.discovery import find_failures
 from p2l.failures.record import SPLITS, STRANDED, Origin, save_failures
 from p2l.failures.strategy import ESTIMATORS
@@ -34,7 +34,9 @@ def run(cfg: DiscoverConfig, out: Path, track: Tracker) -> None:
     world = make_world(cfg.world.key, params)
     make = partial(_discover, cfg, world, params, out, track)
     make_or_restore("discover", VERSION, cfg, out, FILES, make, world.digest)
-    track.metrics(discovery_metrics(load_json(out / "summary.json", schema="discover_summary", version=1)))
+    summary = load_json(out / "summary.json", schema="discover_summary", version=1)
+    track.metrics(discovery_metrics(summary))
+    print(f"discover {cfg.item}: {discovery_line(summary)}")
 
 
 def _discover(cfg: DiscoverConfig, world: World, params: dict[str, Any], out: Path, track: Tracker) -> None:

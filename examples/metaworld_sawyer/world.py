@@ -36,10 +36,12 @@ class Seeded(gymnasium.Wrapper[Any, Any, Any, Any]):
     """Meta-World draws a task by a generator that `reset(seed)` leaves alone."""
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Any, dict[str, Any]]:
-        """Handle and furniture are placed by `seed`."""
+        """Handle and furniture are placed by `seed`; a step at rest, since the first observation shows the old ones."""
         if seed is not None:
             self.unwrapped.seed(seed)  # type: ignore[attr-defined]
-        return self.env.reset(seed=seed, options=options)
+        self.env.reset(seed=seed, options=options)
+        obs, *_, info = self.env.step(np.zeros(4, dtype=np.float32))
+        return obs, info
 
 
 def make_env(task: str) -> Any:
@@ -89,7 +91,7 @@ def world(task: str, sigma_m: float = 0.04, estimator: Mode = "halving", process
         primitives=box_primitives(1.0, 8, ["x", "y", "z", "grip"], keep=["grip"]),
         failed=failed,
         failures=["stuck"],
-        noise=[Noise(sigma_m, ["observation[4:7]", "observation[22:25]"])],
+        noise=[Noise(sigma_m, ["observation[4:7]", "observation[22:25]", "observation[36:39]"])],
         estimator=estimator,
         fields={"hand_pos_m": "observation[0:3]", "handle_pos_m": "observation[4:7]"},
         position="observation[0:3]",

@@ -17,6 +17,15 @@ from p2l.worlds.gymnasium import Controller, GymnasiumWorld, Noise, RobosuiteEnv
 ABOVE_M, ON_TOP_M = 0.10, 0.048  # over a cube; between the centres of two stacked ones, a little in the air
 OPEN, CLOSED = -1.0, 1.0
 GAIN = 12.0  # of a position error in m; an action of 1 is 5 cm
+KEYS = [
+    "robot0_eef_pos",
+    "robot0_eef_quat",
+    "robot0_gripper_qpos",
+    "cubeA_pos",
+    "cubeA_quat",
+    "cubeB_pos",
+    "cubeB_quat",
+]
 EMPTY_M = 0.012  # opening of a finger below which there is nothing between them (half of the cube is 20 mm)
 
 
@@ -25,7 +34,8 @@ def make_env() -> RobosuiteEnv:
     import robosuite
 
     settings = {"has_renderer": False, "has_offscreen_renderer": False, "use_camera_obs": False}
-    return RobosuiteEnv(robosuite.make("Stack", robots="Panda", hard_reset=False, ignore_done=True, **settings))
+    stack = robosuite.make("Stack", robots="Panda", hard_reset=False, ignore_done=True, **settings)
+    return RobosuiteEnv(stack, keys=KEYS)  # without relative positions, which would tell the truth
 
 
 def towards(obs: dict[str, Any], goal: Any, grip: float) -> tuple[Any, float]:

@@ -1,5 +1,8 @@
 """Environments as worlds: what their runner does is what stepping their rows one by one does, to the bit."""
 
+import time
+from collections import OrderedDict, namedtuple
+
 import gymnasium
 import numpy as np
 import pytest
@@ -9,10 +12,10 @@ from p2l.contracts.rows import Rows
 from p2l.errors import ConfigError
 from p2l.skills import chain
 from p2l.skills.runner import Reason, Runner
-from p2l.worlds.gymnasium import Controller, GymnasiumWorld, HeldAction, Noise, box_primitives
+from p2l.worlds.gymnasium import Controller, GymnasiumWorld, HeldAction, Noise, box_primitives, processes
 from p2l.worlds.table import make_world
 
-REACHER = ["joint0", "joint1"]
+Task = namedtuple("Task", ["name", "data"])
 
 
 class Line(gymnasium.Env):
@@ -47,6 +50,15 @@ class Forgetful(Line):
         seen, *rest = super().step(action)
         type(self).hidden += 1.0
         return seen + [0.0, type(self).hidden], *rest
+
+
+class Unseeded(Line):
+    """Its start is drawn by nobody knows what."""
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        self.at = float(np.random.default_rng().uniform(-0.2, 0.2))
+        return self._see(), {}
 
 
 class Broken(Line):
@@ -183,8 +195,12 @@ def test_an_environment_that_ends_by_itself_is_a_failure_unless_the_task_is_done
         ({"make_env": Forgetful}, r"after 1 control step observation 'observation' differs, and of the state no kept"),
         ({"state": (lambda env: {"at": env.at, "count": env.count}, lambda env, s: vars(env).update(s))},
          r"does not go on as it did: after 1 control step observation 'observation' differs.*at"),
+        ({"state": (get_state, lambda env, s: set_state(env, {**s, "count": 0}))}, "does not go on as it did: .*count"),
+        ({"make_env": Unseeded}, r"env.reset\(seed=1\) gives one start in one environment of make_env and another"),
+        ({"act": lambda obs, memory: ([0.0], memory, False), "failed": lambda info, obs: obs[0] < 0.0},
+         "never ends by itself: of 10 runs with exact observations . met its bound of 50"),
         ({"make_env": Broken}, "the observation holds NaN or infinity in 'observation'"),
-        ({"act": lambda obs, memory: ([0.0], memory, False)}, "controller 'go' never ends: in each of 3 episodes"),
+        ({"act": lambda obs, memory: ([0.0], memory, False)}, "'go' never ends by itself: of 10 runs"),
         ({"act": lambda obs, memory: ([0.0, 1.0], memory, False)}, r"its action has shape \(2,\), not the environment"),
         ({"act": lambda obs, memory: ([np.nan], memory, False)}, "controller 'go': its action holds NaN"),
         ({"act": lambda obs, memory: [0.0]}, "`act` must return action, memory, done; it returned list"),
@@ -256,3 +272,35 @@ def test_examples_are_known_by_what_decides_them(target):
     assert one.digest == more.digest
     noisy = make_world(f"examples.{target}.world:world", {**params, "sigma_m": 0.07})
     assert noisy.digest != one.digest
+
+
+def test_named_tuples_and_ordered_dictionaries_stay_what_they_are():
+    """An environment's next reset failed, since its task had become a plain tuple."""
+    from p2l.worlds.gymnasium.physics import MujocoState
+    from p2l.worlds.gymnasium.snapshot import pack, unpack
+
+    env = gymnasium.make("Reacher-v5")
+    env.reset(seed=0)
+    inner = env.unwrapped
+    inner.task, inner.tasks, inner.seen = Task("a", 1), [Task("b", 2)], OrderedDict(x=np.zeros(2))
+    state = MujocoState(env)
+    packed = pack(state.get(env))
+    inner.task, inner.seen = Task("c", 3), OrderedDict(y=1)
+    state.set(env, unpack(packed))
+    assert inner.task == Task("a", 1)
+    assert isinstance(inner.task, Task)
+    assert isinstance(inner.tasks[0], Task)
+    assert isinstance(inner.seen, OrderedDict)
+    assert list(inner.seen) == ["x"]
+
+
+def test_who_never_answers_is_named(monkeypatch, caplog):
+    monkeypatch.setattr(processes, "PATIENCE_S", 0.1)
+
+    def slow(obs, memory):
+        time.sleep(0.5 if obs[1] == 0.05 else 0.0)
+        return go(obs, memory)
+
+    world = line(act=slow, max_steps=30)
+    chain.run(world, world.nominal_options(), world.sample(np.random.default_rng(0), 1), slots=1)
+    assert "no answer for 0 s from 'go'" in caplog.text

@@ -58,6 +58,20 @@ def discovery_metrics(summary: Mapping[str, Any]) -> dict[str, float]:
     return numbers
 
 
+def discovery_line(summary: Mapping[str, Any]) -> str:
+    """One line on the training split: how often the nominal skills succeed, and what goes wrong how often."""
+    part = summary["train"]
+    rates = part["success"]
+    if rates["mean"] is None:
+        return f"none of {part['executions']} episodes could be simulated"
+    kinds = ", ".join(f"{count} {kind}" for kind, count in part["first_kind"].items()) or "none"
+    silent = part["unrecorded_failing_episodes"]
+    return (
+        f"nominal success {rates['mean']:.0%} ({rates['low']:.0%} to {rates['high']:.0%}) of {rates['trials']} "
+        f"episodes; failures: {kinds}" + (f"; {silent} failed without being noticed" if silent else "")
+    )
+
+
 def discovery_times(summary: Mapping[str, Any], seconds: float) -> dict[str, float]:
     """Wall seconds of `discover`, and episodes and control steps per second, of both splits."""
     totals = {key: sum(summary[split][key] for split in SPLITS) for key in ("executions", "control_steps")}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import gymnasium
@@ -19,18 +20,26 @@ class RobosuiteEnv(gymnasium.Env[dict[str, Any], npt.NDArray[Any]]):
         environment: of `robosuite.make`.
         camera: whose picture `render` gives; it needs `has_offscreen_renderer=True`.
         size: of the picture, pixels (height, width).
+        keys: parts of the observation to keep; all without any. What tells the same as another part, like the vector
+            from the hand to an object beside the object's position, gives away an error that the other is to have.
     """
 
     metadata = {"render_modes": ["rgb_array"]}  # noqa: RUF012 (gymnasium declares it for instances)
     render_mode = "rgb_array"
 
-    def __init__(self, environment: Any, camera: str = "frontview", size: tuple[int, int] = (480, 640)) -> None:
-        self.inner, self._camera, self._size = environment, camera, size
+    def __init__(
+        self,
+        environment: Any,
+        camera: str = "frontview",
+        size: tuple[int, int] = (480, 640),
+        keys: Sequence[str] = (),
+    ) -> None:
+        self.inner, self._camera, self._size, self._keys = environment, camera, size, tuple(keys)
         low, high = environment.action_spec
         self.action_space = gymnasium.spaces.Box(low, high, dtype=np.float64)
         parts = {
             key: gymnasium.spaces.Box(-np.inf, np.inf, np.shape(value))
-            for key, value in _arrays(environment._get_observations()).items()
+            for key, value in self._arrays(environment._get_observations()).items()
         }
         self.observation_space = gymnasium.spaces.Dict(parts)  # type: ignore[arg-type]
 
@@ -51,12 +60,18 @@ class RobosuiteEnv(gymnasium.Env[dict[str, Any], npt.NDArray[Any]]):
         super().reset(seed=seed, options=options)
         if seed is not None:
             self.inner.rng.bit_generator.state = np.random.default_rng(seed).bit_generator.state
-        return _arrays(self.inner.reset()), {"success": False}
+        return self._arrays(self.inner.reset()), {"success": False}
 
     def step(self, action: npt.NDArray[Any]) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
         """One control step."""
         observation, reward, done, info = self.inner.step(action)
-        return _arrays(observation), float(reward), False, bool(done), {**info, "success": self.inner._check_success()}
+        return (
+            self._arrays(observation),
+            float(reward),
+            False,
+            bool(done),
+            {**info, "success": self.inner._check_success()},
+        )
 
     def render(self) -> Any:
         """[H, W, 3]."""
@@ -67,6 +82,5 @@ class RobosuiteEnv(gymnasium.Env[dict[str, Any], npt.NDArray[Any]]):
         """Of robosuite."""
         self.inner.close()
 
-
-def _arrays(observation: Any) -> dict[str, Any]:
-    return {key: np.asarray(value) for key, value in observation.items()}
+    def _arrays(self, observation: Any) -> dict[str, Any]:
+        return {key: np.asarray(observation[key]) for key in self._keys or observation}

@@ -1,7 +1,8 @@
 """What an environment must keep before it may be a world; looked at once, in the first of its processes.
 
-1. A state that is put back, into this or another environment of `make_env`, goes on as it did, to the bit.
-2. Every controller ends by itself, at least sometimes, within its bound.
+1. The start of an episode is drawn by its seed, in every environment of `make_env` alike.
+2. A state that is put back, into this or another environment of `make_env`, goes on as it did, to the bit.
+3. Every controller ends by itself, at least sometimes, within its bound.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ from p2l.worlds.gymnasium.simulation import Moment, OptionJob, Simulation
 from p2l.worlds.gymnasium.snapshot import differing_fields, unpack
 
 _STEPS = 10  # before the state is taken, and after
-_EPISODES = 3  # of the nominal chain
+_EPISODES = 10  # of the nominal chain, at most
 _SPARE = 1.25  # capacity of a row over the largest state seen: lists inside may grow
 _UNIT = 1024
 
@@ -51,10 +52,24 @@ def facts_of(simulation: Simulation) -> Facts:
     Raises:
         ConfigError: it does not keep one of the rules above; the message says which part of the state differs.
     """
-    largest = max(_check_restoring(simulation), _check_endings(simulation))
-    state_bytes = -(-int(_SPARE * largest + 4 * _UNIT) // _UNIT) * _UNIT
+    other = Simulation(simulation.definition)
+    _check_seeds(simulation, other)
+    size, unlike = _check_restoring(simulation, other)
+    largest, failing = _check_endings(simulation)
+    state_bytes = -(-int(_SPARE * max(size, largest) + 4 * _UNIT) // _UNIT) * _UNIT
     period_s, identity = _control_period_s(simulation.env), _identity(simulation.env)
-    return Facts(simulation.layout, state_bytes, period_s, identity, _remarks(simulation))
+    return Facts(simulation.layout, state_bytes, period_s, identity, (*_remarks(simulation), *unlike, *failing))
+
+
+def _check_seeds(simulation: Simulation, other: Simulation) -> None:
+    simulation.reset(1)
+    other.reset(1)
+    one, two, parts = simulation.observation, other.observation, simulation.layout.parts
+    if keys := [key for key, part in parts.items() if not np.array_equal(one[part.where], two[part.where])]:
+        raise ConfigError(
+            "env.reset(seed=1) gives one start in one environment of make_env and another in the next (observation "
+            f"'{keys[0]}'): it must be drawn by that seed; if the environment is seeded otherwise, wrap its reset"
+        )
 
 
 def _remarks(simulation: Simulation) -> tuple[str, ...]:
@@ -67,8 +82,8 @@ def _remarks(simulation: Simulation) -> tuple[str, ...]:
     return ()
 
 
-def _check_restoring(simulation: Simulation) -> int:
-    """Size of a state, in bytes."""
+def _check_restoring(simulation: Simulation, other: Simulation) -> tuple[int, tuple[str, ...]]:
+    """Size of a state, in bytes, and a remark on fields that come back otherwise than they were put."""
     layout, space = simulation.layout, simulation.env.action_space
     space.seed(0)
     actions = [np.reshape(np.asarray(space.sample(), dtype=np.float64), -1) for _ in range(2 * _STEPS)]
@@ -77,7 +92,6 @@ def _check_restoring(simulation: Simulation) -> int:
         _go(simulation, action)
     start = simulation.take()
     way = _play(simulation, actions[_STEPS:])
-    other = Simulation(simulation.definition)
     other.reset(2)
     for action in actions[:3]:
         _go(other, action)
@@ -87,7 +101,10 @@ def _check_restoring(simulation: Simulation) -> int:
         for step, (was, now) in enumerate(zip(way, _play(again, actions[_STEPS:]), strict=True), start=1):
             if not np.array_equal(was.sensed, now.sensed):
                 raise ConfigError(_difference(layout, where, step, was, now, unlike))
-    return max(len(moment.state) for moment in (start, *way))
+        if unlike and simulation.definition.get_state:
+            raise ConfigError(f"set_state(env, state) does not put back what get_state(env) gave: {_some(unlike)}")
+    remark = f"fields of the state come back otherwise than they were put, without effect so far: {_some(unlike)}"
+    return max(len(moment.state) for moment in (start, *way)), (remark,) if unlike else ()
 
 
 def _go(simulation: Simulation, action: Array) -> None:
@@ -121,10 +138,10 @@ def _some(names: list[str]) -> str:
     return ", ".join(names[:5]) + (f" and {len(names) - 5} more" if len(names) > 5 else "")
 
 
-def _check_endings(simulation: Simulation) -> int:
-    """Run the nominal chain a few times; the largest state on the way, in bytes."""
+def _check_endings(simulation: Simulation) -> tuple[int, tuple[str, ...]]:
+    """Run the nominal chain until each skill has ended by itself; the largest state on the way, and remarks."""
     definition, largest = simulation.definition, 0
-    starts, late = np.zeros((2, len(definition.controllers)), dtype=np.int64)
+    starts, late, ended = np.zeros((3, len(definition.controllers)), dtype=np.int64)
     error = np.zeros(len(simulation.noise.sigma))
     for episode in range(_EPISODES):
         simulation.reset(10 + episode)
@@ -135,17 +152,23 @@ def _check_endings(simulation: Simulation) -> int:
             largest = max(largest, len(simulation.take().state))
             starts[place] += 1
             late[place] += outcome.reason == Reason.TIMEOUT
+            ended[place] += outcome.reason == Reason.TERMINATION
             if outcome.told:
                 raise ConfigError(f"controller '{controller.name}': {outcome.told}")
             if outcome.reason == Reason.FAILURE:
                 break
-    if never := [c.name for c, n, k in zip(definition.controllers, starts, late, strict=True) if n and n == k]:
-        bound = next(c.max_steps for c in definition.controllers if c.name == never[0])
-        raise ConfigError(
-            f"controller '{never[0]}' never ends: in each of {_EPISODES} episodes with exact observations it ran into "
-            f"its bound of {bound} control steps; let `act` return done=True, or raise max_steps"
-        )
-    return largest
+        if ended.all():
+            break
+    for controller, begun, slow, well in zip(definition.controllers, starts, late, ended, strict=True):
+        if slow and not well:
+            raise ConfigError(
+                f"controller '{controller.name}' never ends by itself: of {begun} runs with exact observations {slow} "
+                f"met its bound of {controller.max_steps} control steps, a detector ended the others; let `act` return "
+                "done=True, or raise max_steps"
+            )
+    failing = [one.name for one, n, k in zip(definition.controllers, starts, ended, strict=True) if n and not k]
+    told = f"'{', '.join(failing)}' was flagged in each of {_EPISODES} runs with exact observations: is it right?"
+    return largest, (told,) if failing else ()
 
 
 def _control_period_s(env: Any) -> float:

@@ -39,8 +39,8 @@ _MOVABLE = (
 _FOREIGN = (
     "numpy", "mujoco", "builtins", "threading", "logging", "collections", "xml", "matplotlib", "PIL", "glfw", "OpenGL",
     "pathlib", "random", "abc", "functools", "typing", "enum", "gymnasium.spaces", "gymnasium.envs.registration",
-    "gymnasium.envs.mujoco", "robosuite.utils.binding_utils", "robosuite.models.arenas", "robosuite.models.objects",
-    "robosuite.models.tasks", "robosuite.models.robots", "robosuite.models.bases",
+    "gymnasium.envs.mujoco.mujoco_rendering", "robosuite.utils.binding_utils", "robosuite.models.arenas",
+    "robosuite.models.objects", "robosuite.models.tasks", "robosuite.models.robots", "robosuite.models.bases",
 )  # fmt: skip
 _SCREEN = ("viewer", "renderer", "mujoco_renderer", "_viewers", "_render_context_offscreen", "render_context")
 _PHYSICS, _DATA, _MODEL, _OWN, _SAME = "physics", "data", "model.", "env", "same"
@@ -150,16 +150,28 @@ def _numbers(model: mujoco.MjModel) -> list[str]:
 
 
 def value_of(owner: Any, key: Any) -> Any:
-    """A leaf's value."""
-    return owner[key] if isinstance(owner, (dict, list)) else getattr(owner, key)
+    """A leaf's value; of a named tuple its parts."""
+    value = owner[key] if isinstance(owner, (dict, list)) else getattr(owner, key)
+    return tuple(value) if _is_named_tuple(value) else value
+
+
+def _is_named_tuple(value: Any) -> bool:
+    return isinstance(value, tuple) and hasattr(value, "_make")
 
 
 def _put(owner: Any, key: Any, value: Any) -> None:
     """Set a leaf; an array that is a window on something else (MuJoCo's data) was restored with that."""
-    present = (
-        owner.get(key) if isinstance(owner, dict) else None if isinstance(owner, list) else getattr(owner, key, None)
-    )
+    if isinstance(owner, (dict, list)):
+        present = owner[key] if not isinstance(owner, dict) or key in owner else None
+    else:
+        present = getattr(owner, key, None)
     if isinstance(present, np.ndarray) and _is_window(present):
+        return
+    if isinstance(present, tuple) and hasattr(present, "_make") and len(value) == len(present):
+        value = present._make(value)  # a named one stays what it is
+    if isinstance(present, dict) and type(present) is not dict and isinstance(value, dict):
+        present.clear()  # so does an ordered one, or one with defaults
+        present.update(value)
         return
     if isinstance(present, np.random.Generator) and isinstance(value, np.random.Generator):
         present.bit_generator.state = value.bit_generator.state  # others may share it
@@ -192,7 +204,7 @@ def _leaves(env: Any) -> Iterator[tuple[str, Any, Any]]:
         seen.add(id(owner))
         for key, value in _items(owner):
             place = f"{path}.{key}"
-            if is_plain(value):
+            if is_plain(value) or (_is_named_tuple(value) and is_plain(tuple(value))):
                 if _can_be_set(owner, key):
                     yield place, owner, key
             elif _is_own(value):

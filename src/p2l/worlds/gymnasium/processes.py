@@ -31,6 +31,7 @@ from p2l.worlds.gymnasium.worker import Lanes, write_row
 log = logging.getLogger(__name__)
 
 LANES = 1024  # rows that may be at work at once; memory is taken as they are used
+PATIENCE_S = 60.0  # without any answer, until a warning says who is at work
 _DEPTH = 3  # jobs that wait at a process, so that it never waits for its parent
 _ENOUGH = 3  # deaths in a row, with nothing done in between
 
@@ -53,6 +54,7 @@ class Processes:
         self, name: str, definition: Definition, count: int, *, facts: Facts | None = None, gl: str | None = None
     ) -> None:
         self.name, self._gl = name, gl
+        self._names = [option.name for option in definition.options]
         try:
             self._definition = cloudpickle.dumps((definition, False))
             first = cloudpickle.dumps((definition, facts is None))
@@ -176,7 +178,9 @@ class Processes:
 
     def _receive(self) -> None:
         busy = [worker for worker in self._workers if worker.tasks]
-        ready = wait([worker.connection for worker in busy])
+        ready = wait([worker.connection for worker in busy], timeout=PATIENCE_S)
+        if not ready:
+            log.warning("world '%s': no answer for %d s from %s", self.name, PATIENCE_S, self._at_work(busy))
         for worker in busy:
             if worker.connection not in ready:
                 continue
@@ -190,12 +194,17 @@ class Processes:
             self._results[task.ticket] = ConfigError(f"world '{self.name}': {answer}") if status == "error" else answer
         self._hand_out()
 
+    def _at_work(self, busy: Sequence[WorkerProcess]) -> str:
+        """What processes are at, for a message."""
+        jobs = [worker.tasks[0].content for worker in busy]
+        names = [self._names[job.option] if isinstance(job, OptionJob) else "a reset or a picture" for job in jobs]
+        return ", ".join(f"'{name}'" for name in names)
+
     def _replace(self, worker: WorkerProcess) -> None:
         """Another process in the place of one that has died."""
         code = worker.process.wait()
         words = worker.last_words()
-        how = f"signal {-code}" if code < 0 else f"exit code {code}"
-        told = f"a process died ({how}{': ' + words if words else ''})"
+        told = f"a process died ({f'signal {-code}' if code < 0 else f'exit code {code}: {words}'})"
         self._deaths += 1
         if self._deaths >= _ENOUGH:
             raise ConfigError(f"world '{self.name}': {told}, {self._deaths} times in a row with nothing done")
@@ -216,6 +225,8 @@ class Processes:
 
     def _greeting(self, worker: WorkerProcess) -> Any:
         try:
+            while not worker.connection.poll(PATIENCE_S):
+                log.warning("world '%s': making and trying its environment lasts over %d s", self.name, PATIENCE_S)
             status, content = worker.connection.recv()
         except (EOFError, OSError):
             code = worker.process.wait()

@@ -32,6 +32,8 @@ def is_plain(value: object) -> bool:
         return True
     if isinstance(value, np.ndarray):
         return value.dtype.kind in "biufcSU" or (value.dtype == object and all(is_plain(each) for each in value.flat))
+    if isinstance(value, tuple) and type(value) is not tuple:
+        return False  # a named one has to stay what it is, see `physics`
     if isinstance(value, (list, tuple, set, frozenset, deque)):
         return all(is_plain(each) for each in value)
     return isinstance(value, dict) and all(is_plain(key) and is_plain(each) for key, each in value.items())
