@@ -32,8 +32,9 @@ def run(cfg: DiscoverConfig, out: Path, track: Tracker) -> None:
     estimator = cfg.estimator or ESTIMATORS[cfg.strategy]
     params = cfg.world.params | ({"estimator": estimator} if estimator else {})
     world = make_world(cfg.world.key, params)
-    make = partial(_discover, cfg, world, params, out, track)
-    make_or_restore("discover", VERSION, cfg, out, FILES, make, world.digest)
+    make_or_restore(
+        "discover", VERSION, cfg, out, FILES, partial(_discover, cfg, world, params, out, track), world.digest
+    )
     summary = load_json(out / "summary.json", schema="discover_summary", version=1)
     track.metrics(discovery_metrics(summary))
     print(f"discover {cfg.item}: {discovery_line(summary)}")
