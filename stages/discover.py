@@ -32,9 +32,8 @@ def run(cfg: DiscoverConfig, out: Path, track: Tracker) -> None:
     estimator = cfg.estimator or ESTIMATORS[cfg.strategy]
     params = cfg.world.params | ({"estimator": estimator} if estimator else {})
     world = make_world(cfg.world.key, params)
-    make_or_restore(
-        "discover", VERSION, cfg, out, FILES, partial(_discover, cfg, world, params, out, track), world.digest
-    )
+    make = partial(_discover, cfg, world, params, out, track)
+    make_or_restore("discover", VERSION, cfg, out, FILES, make, world.digest)
     summary = load_json(out / "summary.json", schema="discover_summary", version=1)
     track.metrics(discovery_metrics(summary))
     print(f"discover {cfg.item}: {discovery_line(summary)}")
@@ -42,16 +41,14 @@ def run(cfg: DiscoverConfig, out: Path, track: Tracker) -> None:
 
 def _discover(cfg: DiscoverConfig, world: World, params: dict[str, Any], out: Path, track: Tracker) -> None:
     options, name, begin = world.nominal_options(), cfg.world.name, time.perf_counter()
-    names = (tuple(option.name for option in options), (*world.failure_kinds, STRANDED))
+    names = tuple(option.name for option in options), (*world.failure_kinds, STRANDED)
     summary: dict[str, Any] = {"strategy": cfg.strategy, "estimator": world.estimator.mode}
     for split in SPLITS:
         count = getattr(cfg.executions, split)
         starts = world.sample(generator(cfg.seed, "discover", name, split), count)
-        origin = Origin(
-            cfg.world.key, params, world.digest, cfg.strategy, split, cfg.seed, count, cfg.max_options, *names
-        )
+        facts = cfg.world.key, params, world.digest, cfg.strategy, split, cfg.seed, count, cfg.max_options, *names
         with counter(f"discover {cfg.item} {split}", " episodes", count) as show:
-            discovery = find_failures(world, options, starts, origin, slots=cfg.slots, progress=show)
+            discovery = find_failures(world, options, starts, Origin(*facts), slots=cfg.slots, progress=show)
         save_failures(out / f"failures_{split}.npz", discovery.failures)
         summary[split] = split_summary(discovery)
     save_json(out / "summary.json", summary, schema="discover_summary", version=1)
