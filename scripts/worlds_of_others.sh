@@ -31,23 +31,5 @@ for world in "${worlds[@]}"; do
 done
 
 [ -z "${WORLDS:-}" ] || exit 0
-.venv/bin/python - "$build" "$results" "${worlds[@]}" << 'PYTHON'
-import json
-import sys
-from pathlib import Path
-
-import pandas as pd
-
-build, results, worlds = Path(sys.argv[1]), Path(sys.argv[2]), sys.argv[3:]
-rows = []
-for world in worlds:
-    place = build / world
-    found = json.loads((place / "discover/summary.json").read_text())["train"]
-    modes = len(pd.read_csv(place / "cluster/modes.csv"))
-    table = pd.read_csv(place / "judged/table_5_1.csv")
-    for _, row in table[table["setting"] == f"world={world}"].iterrows():
-        rows.append({"world": world, "failures": found["failures"], "of_episodes": found["executions"], "modes": modes}
-                    | row[["method", "metric", "mean", "low", "high", "n"]].to_dict())
-pd.DataFrame(rows).to_csv(results / "tables/worlds_of_others.csv", index=False, float_format="%.4g")
-PYTHON
+.venv/bin/python -m benchmarks.worlds_of_others "$build" "$results/tables/worlds_of_others.csv"
 echo "the table is $results/tables/worlds_of_others.csv, films are $results/videos/{${worlds[*]}}.mp4"
