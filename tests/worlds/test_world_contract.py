@@ -15,9 +15,9 @@ from p2l.worlds.robot import RobotWorld
 from p2l.worlds.table import WORLDS, make_world
 
 WORLDS.register("push", "examples.push.world:Push")
-WORLDS.register("fetch", "examples.fetch.world:world")
-WORLDS.register("drawer_open", "tests.worlds.test_world_contract:drawer_open")
-WORLDS.register("stack", "examples.robosuite_stack.world:world")
+WORLDS.register("their_fetch", "examples.fetch.world:world")
+WORLDS.register("their_drawer", "tests.worlds.test_world_contract:drawer_open")
+WORLDS.register("their_stack", "examples.robosuite_stack.world:world")
 EPISODES = 6
 
 
