@@ -26,8 +26,12 @@ for world in "${worlds[@]}"; do
     hydra.run.dir="$place/chains"
   run evaluate_chains world="$world" learnt="$place/chains" 'learners=[rc]' 'seeds=[0,1,2]' videos=false \
     transfer.failures=0 'reuse.learners=[]' hydra.run.dir="$place/judged"
-  run watch world="$world" "${found[@]}" failure=0 policy="$place/chains/policies/rc/s0" hydra.run.dir="$place/film" &&
-    cp "$place/film/$world-failure0-recovery.mp4" "$results/videos/$world.mp4"
+  for failure in 0 1 2 3 4; do # the first that the policy recovers from
+    told=$(run watch world="$world" "${found[@]}" failure=$failure policy="$place/chains/policies/rc/s0" hydra.run.dir="$place/film")
+    echo "$told"
+    cp "$place/film/$world-failure$failure-recovery.mp4" "$results/videos/$world.mp4"
+    [[ $told != *"; recovered"* ]] || break
+  done
 done
 
 [ -z "${WORLDS:-}" ] || exit 0
