@@ -304,3 +304,15 @@ def test_who_never_answers_is_named(monkeypatch, caplog):
     world = line(act=slow, max_steps=30)
     chain.run(world, world.nominal_options(), world.sample(np.random.default_rng(0), 1), slots=1)
     assert "no answer for 0 s from 'go'" in caplog.text
+
+
+def test_step_by_step_for_a_film_is_what_happens_without_one(world):
+    rows = world.sample(np.random.default_rng(6), 5)
+    seen = []
+    plain = chain.run(world, world.nominal_options(), rows, slots=3)
+    watched = chain.run(
+        world, world.nominal_options(), rows, slots=3, watch=lambda episode, step, now: seen.append(len(now))
+    )
+    same(plain.last.rows, watched.last.rows)
+    assert_array_equal(plain.last.step, watched.last.step)
+    assert sum(seen) >= int(plain.last.step.sum())
