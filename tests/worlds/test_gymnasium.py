@@ -1,5 +1,7 @@
 """Environments as worlds: what their runner does is what stepping their rows one by one does, to the bit."""
 
+import os
+import signal
 import time
 from collections import OrderedDict, namedtuple
 
@@ -155,7 +157,7 @@ def test_a_process_that_dies_is_replaced_and_its_row_has_diverged(world, caplog)
     rows = world.sample(np.random.default_rng(3), 6)
     runner = world.runner(world.nominal_options(), 6, stop_on_failure=True)
     runner.start(np.arange(6), rows, np.zeros(6, dtype=np.int64))
-    world.processes.kill_one()
+    os.kill(world.processes.pids[0], signal.SIGKILL)
     reasons = {}
     while runner.busy.any():
         events = runner.advance()
@@ -217,6 +219,7 @@ def test_an_environment_that_ends_by_itself_is_a_failure_unless_the_task_is_done
         ({"failed": lambda info, obs: info["nothing"]}, r"failed\(info, obs\): KeyError: 'nothing'"),
         ({"state": (get_state, None)}, "give both get_state and set_state"),
         ({"processes": 0}, "0 processes given"),
+        ({"failures": ()}, "failures is empty; name at least one kind"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_a_world_is_one_message(change, told):
@@ -282,7 +285,7 @@ def test_named_tuples_and_ordered_dictionaries_stay_what_they_are():
     env = gymnasium.make("Reacher-v5")
     env.reset(seed=0)
     inner = env.unwrapped
-    inner.task, inner.tasks, inner.seen = Task("a", 1), [Task("b", 2)], OrderedDict(x=np.zeros(2))
+    inner.task, inner.tasks, inner.seen = Task("a", 1), [Task("b", 2)], OrderedDict(x=OrderedDict(z=np.zeros(2)))
     state = MujocoState(env)
     packed = pack(state.get(env))
     inner.task, inner.seen = Task("c", 3), OrderedDict(y=1)
@@ -291,6 +294,7 @@ def test_named_tuples_and_ordered_dictionaries_stay_what_they_are():
     assert isinstance(inner.task, Task)
     assert isinstance(inner.tasks[0], Task)
     assert isinstance(inner.seen, OrderedDict)
+    assert isinstance(inner.seen["x"], OrderedDict)
     assert list(inner.seen) == ["x"]
 
 

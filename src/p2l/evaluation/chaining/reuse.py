@@ -69,7 +69,7 @@ def novel_starts(table: pd.DataFrame, world: str, learner: str = "rc") -> Figure
         _points(right, mine[mine["metric"] == metric], options, shift, colour, label)
     left.set(xlabel="share of starts outside the states …", xlim=(-0.02, 1.16))
     left.set_yticks(range(len(options)), [f"{option.replace('_', ' ')}" for option in options])
-    left.set_ylim(len(options) - 0.5, -0.5)
+    left.set_ylim(max(len(options), 1) - 0.5, -0.5)
     right.set(xlabel="share of starts that end with the task done", xlim=(-0.02, 1.16))
     figure.suptitle(f"{world.replace('_', ' ')}: nominal options started by recoveries", fontsize=11)
     for axes in (left, right):

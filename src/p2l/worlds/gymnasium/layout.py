@@ -98,7 +98,7 @@ class Layout:
             ValueError: it has another form than the first one.
         """
         if not self.is_dict:
-            flat[:] = np.reshape(observation, -1)
+            flat[:] = observation if getattr(observation, "ndim", 0) == 1 else np.reshape(observation, -1)
             return
         if len(observation) != len(self.parts):
             raise ValueError(f"it has the parts {', '.join(observation)}, not {', '.join(self.parts)}")
@@ -112,7 +112,7 @@ class Layout:
 
     def to_action(self, values: Array) -> Any:
         """What `env.step` takes, a copy, from [A]."""
-        return int(values[0]) if self.actions else values.astype(np.dtype(self.action_dtype)).reshape(self.action)
+        return int(values[0]) if self.actions else values.astype(self.action_dtype).reshape(self.action)
 
     def place(self, text: str) -> slice:
         """Of a part of the flat observation, written `key`, `key[2]` or `key[2:5]`.

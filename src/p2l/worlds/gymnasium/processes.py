@@ -135,9 +135,10 @@ class Processes:
         """The state [bytes] and what was sensed in a lane by its last job, as windows on the memory."""
         return self.lanes.views(self._memory, lane, of_worker=True)
 
-    def kill_one(self) -> None:
-        """Kill the first process, for tests of what happens then."""
-        self._workers[0].process.kill()
+    @property
+    def pids(self) -> list[int]:
+        """Of the processes at present."""
+        return [worker.process.pid for worker in self._workers]
 
     def copies(self) -> int:
         """Copies of a whole state that the processes have made so far."""
@@ -209,13 +210,11 @@ class Processes:
         if self._deaths >= _ENOUGH:
             raise ConfigError(f"world '{self.name}': {told}, {self._deaths} times in a row with nothing done")
         log.warning("world '%s': %s; its row counts as diverged, another process takes its place", self.name, told)
-        for at, task in enumerate(worker.tasks):
-            if at == 0 and isinstance(task.content, OptionJob):
-                job = task.content
-                outcome = JobResult(Reason.DIVERGENCE, 0, job.memory, job.kind, 0, job.muted, 0.0, told)
-                self._results[task.ticket] = outcome
-            else:
-                self._waiting.appendleft(task)
+        again = list(worker.tasks)
+        if again and isinstance(job := again[0].content, OptionJob):
+            outcome = JobResult(Reason.DIVERGENCE, 0, job.memory, job.kind, 0, job.muted, 0.0, told)
+            self._results[again.pop(0).ticket] = outcome
+        self._waiting.extendleft(reversed(again))
         fresh = start_process(self._definition, self._gl)
         self._greeting(fresh)
         self._share(fresh)

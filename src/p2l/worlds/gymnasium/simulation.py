@@ -189,7 +189,7 @@ class Simulation:
             if job.command is None:
                 if self._sensed[-1] > 0.5:  # the environment has ended with the task done
                     return JobResult(Reason.TERMINATION, steps, memory, kind, kind_step, muted, path)
-                obs = self.layout.structure(self.observation + shift if seen is None else seen)
+                obs = self._seen(shift) if seen is None else seen
                 action, memory, done = decide(option, self.layout, obs, self.last_action, memory, job.step + steps)
                 if done or job.step + steps >= option.max_steps:
                     reason = Reason.TERMINATION if done else Reason.TIMEOUT
@@ -238,8 +238,12 @@ class Simulation:
         """[A]."""
         return self._sensed[self.layout.size : -2]
 
-    def _step(self, action: Array, shift: Array, name: str, step: int) -> tuple[Array | None, int, str]:
-        """One control step: what the robot sees [D], the kind of failure, and what went wrong if the row diverged."""
+    def _seen(self, shift: Array) -> Any:
+        """The observation as the robot has it, in the environment's form; it shares no memory with the row."""
+        return self.layout.structure(self.observation + shift)
+
+    def _step(self, action: Array, shift: Array, name: str, step: int) -> tuple[Any, int, str]:
+        """One control step: what the robot sees, the kind of failure, and what went wrong if the row diverged."""
         try:
             observation, reward, terminated, truncated, info = self.env.step(self.layout.to_action(action))
         except Exception as error:
@@ -247,13 +251,14 @@ class Simulation:
         info = {**info, "controller": name, "controller_step": step, "reward": float(reward)}
         over = 1 if terminated else 2 if truncated else 0
         self._sense(observation, info, action, over=over)
-        if not np.isfinite(self._sensed).all():
+        # the square of a sound row is finite, and faster to tell than that all its numbers are
+        if not math.isfinite(self._sensed.dot(self._sensed)) and not np.isfinite(self._sensed).all():
             return None, NO_FAILURE, f"the observation holds NaN or infinity{self._bad()}"
         if over and not self._sensed[-2] > 0.5:
             return None, self._kinds[ENDS[over - 1]], ""
-        seen = self.observation + shift
+        seen = self._seen(shift)
         try:
-            return seen, self._kind(self.definition.failed(info, self.layout.structure(seen))), ""
+            return seen, self._kind(self.definition.failed(info, seen)), ""
         except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
             raise ConfigError(f"failed(info, obs): {type(error).__name__}: {error}") from error
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import json
 import math
 import struct
-from collections import deque
+from collections import OrderedDict, deque
 from collections.abc import Mapping
 from typing import Any
 
@@ -113,7 +113,11 @@ def _plain(value: Any, arrays: list[npt.NDArray[Any]]) -> Any:
     if isinstance(value, (set, frozenset)):
         return ["s", None, [_plain(each, arrays) for each in sorted(value, key=repr)]]
     if isinstance(value, dict):
-        return ["d", None, [[_plain(key, arrays), _plain(each, arrays)] for key, each in value.items()]]
+        return [
+            "D" if isinstance(value, OrderedDict) else "d",
+            None,
+            [[_plain(key, arrays), _plain(each, arrays)] for key, each in value.items()],
+        ]
     if isinstance(value, np.random.Generator):
         return ["r", type(value.bit_generator).__name__, _plain(value.bit_generator.state, arrays)]
     if isinstance(value, np.random.RandomState):
@@ -138,8 +142,9 @@ def _value(plain: Any, body: _Body) -> Any:
         state = np.random.RandomState()
         state.set_state(_value(rest[0], body))
         return state
-    if kind == "d":
-        return {_value(key, body): _value(each, body) for key, each in rest[0]}
+    if kind in "dD":
+        items = [(_value(key, body), _value(each, body)) for key, each in rest[0]]
+        return dict(items) if kind == "d" else OrderedDict(items)
     parts = [_value(each, body) for each in rest[0]]
     if kind == "o":
         array = np.empty(len(parts), dtype=object)

@@ -113,6 +113,8 @@ class GymnasiumWorld:
         self.name, self.failure_kinds = name, failure_kinds(failures)
         if len(set(self.failure_kinds)) < len(self.failure_kinds):
             raise ConfigError(f"world '{name}': failures {', '.join(failures)} repeat each other, or the environment's")
+        if not failures:
+            raise ConfigError(f"world '{name}': failures is empty; name at least one kind that `failed` can say")
         if (get_state is None) != (set_state is None):
             raise ConfigError(f"world '{name}': give both get_state and set_state, or neither")
         if processes < 1:
