@@ -128,6 +128,16 @@ def large_scale() -> ModuleType:
     return solve
 
 
+def within_limits() -> ModuleType:
+    """The module of instances within limits, with its kernels loaded."""
+    import p2l.team.facility.limited as limited
+    from p2l.team.facility import solve
+
+    solve.load_kernels()
+    limited.load_kernels()
+    return limited
+
+
 def _without_search(pairs: Pairs, multipliers: Array | None, open_set: BoolArray | None) -> PairsSolution:
     """What is known without any search; where nothing is, every demand at its cheapest is a bound."""
     _, _, known = presolve(pairs)
