@@ -24,13 +24,14 @@ from p2l.team.facility.interchange import descend_within
 from p2l.team.facility.local_search import columns_of, open_cost
 from p2l.team.facility.pairs import Pairs, PairsSolution, of_table
 from p2l.team.facility.presolve import presolve_below, solution_cost
+from p2l.team.facility.prices import Priced, raise_priced_bound
 from p2l.team.facility.tree import Tree
-from p2l.team.facility.volume import CLOSED, FREE, OPEN, Bound, State, raise_bound
+from p2l.team.facility.volume import CLOSED, FREE, OPEN, Bound, State
 from p2l.team.problem import Certificate
 
 SLACK = 1e-12  # relative: by how much rounding may put what is taken above its limit
-_ROOT_STEPS, _ROOT_ITERATIONS = 24, 120  # moves of the prices at the root, and volume iterations of each
-_NODE_STEPS, _NODE_ITERATIONS = 3, 60
+_ROUNDS = 12  # of bound and rounding at the root, unless progress ends earlier
+_ROOT_ITERATIONS, _NODE_ITERATIONS = 300, 60  # of the volume algorithm
 _THRESHOLDS = (0.05, 0.2, 0.4, 0.6, 0.8)  # of the estimated opening, rounded up to an open set
 _ROUNDED_NODES = 40  # these try to improve the plan, afterwards every fifth does
 
@@ -44,14 +45,6 @@ class Limits(NamedTuple):
     def keeps(self, open_set: BoolArray) -> bool:
         """Whether an open set [F] is within the limits."""
         return bool((self.weights[:, open_set].sum(axis=1) <= self.most).all())
-
-
-class Priced(NamedTuple):
-    """A bound with its prices λ [K]; `value` is L(v, λ)."""
-
-    bound: Bound
-    prices: Array
-    value: float
 
 
 class Best(NamedTuple):
@@ -147,7 +140,14 @@ class _Search:
 
     def run(self, core: Core, multipliers: Array) -> bool:
         """Search until proven (True) or until the alarm."""
-        root = self._priced(core, multipliers, np.zeros(len(self.limits.most)), _ROOT_STEPS, _ROOT_ITERATIONS)
+        root = Priced(Bound(multipliers, 0.0, multipliers, multipliers), np.zeros(len(self.limits.most)), -math.inf)
+        for _ in range(_ROUNDS):
+            before, upper = root.value, self.best.upper
+            root = self._priced(core, root.bound.multipliers, root.prices, _ROOT_ITERATIONS)
+            cutoff = self.target.cutoff(self.best.upper)
+            is_idle = root.value - before < 0.02 * (cutoff - root.value) and self.best.upper == upper
+            if root.value >= cutoff or is_idle or self.alarm.rang:
+                break
         self.tree.price(0, self._row(root))
         self.lower = root.value
         heap: list[tuple[float, int, Priced, Core]] = []
@@ -160,7 +160,7 @@ class _Search:
             low, serial, parent, case = heapq.heappop(heap)
             if low >= self.target.cutoff(self.best.upper):
                 continue
-            here = self._priced(case, parent.bound.multipliers, parent.prices, _NODE_STEPS, _NODE_ITERATIONS)
+            here = self._priced(case, parent.bound.multipliers, parent.prices, _NODE_ITERATIONS)
             self.tree.price(serial, self._row(here))
             if max(low, here.value) < self.target.cutoff(self.best.upper):
                 self._split(case, serial, here, heap, low)
@@ -173,40 +173,14 @@ class _Search:
     def _within(self, core: Core) -> Limits:
         return Limits(self.limits.weights[:, core.origin], self.limits.most)
 
-    def _priced(self, core: Core, multipliers: Array, prices: Array, steps: int, iterations: int) -> Priced:
-        """Move the prices where the relaxation takes too much, or too little for what it pays; the best bound."""
-        limits, best, norm = self._within(core), None, None
-        centre, pace = prices, 1.0
-        for _ in range(max(1, steps)):
-            here = self._bound(core, multipliers, prices, iterations, limits)
-            self._round(core, here, limits)
-            if best is None or here.value > best.value:
-                best, centre = here, prices
-                multipliers = here.bound.multipliers
-            else:
-                pace *= 0.5
-            cutoff = self.target.cutoff(self.best.upper)
-            if best.value >= cutoff or self.alarm.rang or pace < 1e-3:
-                break
-            excess = limits.weights @ best.bound.share - limits.most
-            excess = np.where((centre <= 0.0) & (excess < 0.0), 0.0, excess)
-            unit = np.maximum(limits.most, 1e-300)
-            norm = float(((excess / unit) ** 2).sum())
-            if norm < 1e-16:
-                break
-            step = pace * (cutoff - best.value) / norm
-            prices = np.maximum(0.0, centre + step * excess / unit**2)
-            if np.array_equal(prices, centre):
-                break
-        assert best is not None
-        return best
-
-    def _bound(self, core: Core, multipliers: Array, prices: Array, iterations: int, limits: Limits) -> Priced:
-        paid = float(prices @ limits.most)
-        pairs = core.pairs._replace(opening=core.pairs.opening + prices @ limits.weights)
-        cutoff = self.target.cutoff(self.best.upper) + paid
-        bound = raise_bound(pairs, core.state, multipliers, cutoff, iterations, flag=self.alarm.flag)
-        return Priced(bound, prices, bound.value - paid)
+    def _priced(self, core: Core, multipliers: Array, prices: Array, iterations: int) -> Priced:
+        cutoff = self.target.cutoff(self.best.upper)
+        limits = self._within(core)
+        here = raise_priced_bound(
+            core.pairs, core.state, *limits, multipliers, prices, cutoff, iterations, self.alarm.flag
+        )
+        self._round(core, here, limits)
+        return here
 
     def _round(self, core: Core, priced: Priced, limits: Limits) -> None:
         self._nodes += 1
