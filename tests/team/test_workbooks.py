@@ -1,5 +1,6 @@
 import datetime
 import io
+import math
 import sys
 import zipfile
 
@@ -7,6 +8,7 @@ import pytest
 
 from p2l.errors import InputError
 from p2l.team.cells import number, probability
+from p2l.team.files import read_problem
 from p2l.team.sheets import read_sheet
 
 openpyxl = pytest.importorskip("openpyxl")
@@ -168,3 +170,17 @@ def test_without_openpyxl_there_is_one_message(tmp_path, monkeypatch):
         InputError, match=r"a.xlsx: is an Excel workbook, and openpyxl, which reads them, is not installed"
     ):
         read_sheet(path)
+
+
+def test_two_sheets_of_one_workbook_are_a_problem(tmp_path):
+    orders = [
+        ("Task", "C Rob", "C Hum", "C Fail", "C Demo", "Note"),
+        ("lid", 1.5, 9, 9, 20, "new"),
+        (7, "", "-", 9, 20),
+    ]
+    transfer = [(None, 7, "lid"), ("lid", 0.25, None), (7, None, "50 %")]
+    path = saved(tmp_path / "day.xlsx", lambda book: (filled(orders)(book), filled(transfer, sheet=1)(book)), sheets=2)
+    problem = read_problem(path, f"{path}#Sheet 1")
+    assert problem.tasks == ("lid", "7")
+    assert problem.c_rob.tolist() == [1.5, math.inf]
+    assert [problem.transfer[0, 1], problem.transfer[1, 0]] == [0.25, 0.5]

@@ -136,7 +136,7 @@ def probability(sheet: Sheet, line: int, column: str | None, text: str, *, empty
     if not text and empty is not None:
         return empty
     what = "a probability in [0, 1], such as 0.95 or 95 %"
-    value = _value(sheet, line, column, text, what, percent=True)
+    value = _value(sheet, line, column, text, what, percent=True, limit=1.0)
     if not 0.0 <= value <= 1.0:
         hint = f"; if {text} of a hundred is meant, write {text}%" if 1.0 < value <= 100.0 and text[-1] != "%" else ""
         raise InputError.at(sheet.name, line, column, f"{quoted(text)} is not allowed; give {what}{hint}")
@@ -204,6 +204,11 @@ def decimal_mark(header: Sequence[str], rows: Sequence[Sequence[str]], *, comma_
     """
     names = [place for place, name in enumerate(header) if place == 0 or _normal(name) in _NAMES]
     others = [place for place in range(len(header)) if place not in names]
+    lines = ["\n".join(cells) for cells in rows]
+    has = {mark: any(mark in line for line in lines) for mark in ".,"}
+    for mark, other in ((".", ","), (",", ".")):  # most files have one of them only
+        if comma_possible and not has[other] and _tells(rows, others, mark):
+            return mark == ",", ""
     comma = _tells(rows, others, ",")
     if not comma_possible:
         return False, "," if comma else ""
@@ -224,15 +229,16 @@ def _tells(rows: Sequence[Sequence[str]], places: Sequence[int], mark: str) -> b
     return False
 
 
-def _value(sheet: Sheet, line: int, column: str | None, text: str, what: str, percent: bool = False) -> float:
-    """The number that a cell holds, of any sign; NaN or infinite where the cell says so."""
+def _value(
+    sheet: Sheet, line: int, column: str | None, text: str, what: str, percent: bool = False, limit: float = math.inf
+) -> float:
+    """The number that a cell holds, of any sign; NaN where it says so. Of two readings, one above `limit` is none."""
     plain = text.replace("−", "-")
     is_percent = percent and plain.endswith("%")
     plain = plain[:-1].rstrip() if is_percent else plain
     value = _reading(plain, sheet.decimal_comma, is_percent)
-    other = _reading(plain, not sheet.decimal_comma, is_percent) if value is None or sheet.unclear else None
     if value is None:
-        if other is not None:
+        if _reading(plain, not sheet.decimal_comma, is_percent) is not None:
             marks = ("point", "comma") if sheet.decimal_comma else ("comma", "point")
             problem = (
                 f"{quoted(text)} has a decimal {marks[0]}, and numbers of this file a decimal {marks[1]}; give {what}"
@@ -241,11 +247,14 @@ def _value(sheet: Sheet, line: int, column: str | None, text: str, what: str, pe
         if plain.lower().lstrip("+-") not in _NO_VALUE:
             raise InputError.at(sheet.name, line, column, f"{quoted(text)} is not a number; give {what}")
         return math.nan
-    if other not in (None, value) and any(mark in plain for mark in sheet.unclear):
-        low, high = sorted((value, other or 0.0))
-        problem = f"may be {_short(high)} or {_short(low)}, and no other number of the file tells"
-        ways = f"write it without a mark between thousands, or with another number of decimals than three; give {what}"
-        raise InputError.at(sheet.name, line, column, f"{quoted(text)} {problem}; {ways}")
+    if any(mark in plain for mark in sheet.unclear):
+        other = _reading(plain, not sheet.decimal_comma, is_percent)
+        low, high = sorted((value, value if other is None else other))
+        if low < high <= limit:
+            problem = f"may be {_short(high)} or {_short(low)}, and no other number of the file tells"
+            ways = "write it without a mark between thousands, or with another number of decimals than three"
+            raise InputError.at(sheet.name, line, column, f"{quoted(text)} {problem}; {ways}; give {what}")
+        return low
     return value
 
 
