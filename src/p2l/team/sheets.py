@@ -183,7 +183,7 @@ def _rows(name: str, text: str, mark: str) -> tuple[list[Row], InputError | None
                 if len(rows[0][1]) == 1:
                     break
     except csv.Error as error:
-        quote = "a quote is not closed, or there is text behind it; put quotes around the whole cell, and double those inside"
+        quote = "a quote is not closed, or there is text behind it; quote the whole cell, double quotes in it"
         problem = quote if "expected" in str(error) else f"is no row of a CSV file ({error})"
         return rows, InputError.at(name, line + 1, None, problem)
     return rows, None
