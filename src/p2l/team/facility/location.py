@@ -88,7 +88,14 @@ def _checked(opening_cost: Array, service_cost: Array) -> tuple[Array, Array]:
 
 
 def solve_small_or_large(
-    pairs: Pairs, deadline: float, gap: float, *, whole_numbers: bool = False, few: int | None = None
+    pairs: Pairs,
+    deadline: float,
+    gap: float,
+    *,
+    whole_numbers: bool = False,
+    few: int | None = None,
+    multipliers: Array | None = None,
+    open_set: BoolArray | None = None,
 ) -> PairsSolution:
     """The relaxation by HiGHS where an instance is small; what it does not prove, the large-scale route does.
 
@@ -98,9 +105,9 @@ def solve_small_or_large(
         gap: relative gap that is good enough.
         whole_numbers: all costs are.
         few: largest number of pairs for HiGHS; `FEW_PAIRS` if none.
+        multipliers: [D] where the large-scale route begins, such as those of an instance much like this one.
+        open_set: [F] a solution that is known already.
     """
-    multipliers: Array | None = None
-    open_set: BoolArray | None = None
     if len(pairs.cost) <= (FEW_PAIRS if few is None else few):
         from p2l.team.facility.program import solve_program
 

@@ -8,17 +8,20 @@ circle.
 from __future__ import annotations
 
 import math
-from typing import get_args
+from collections.abc import Callable
+from typing import NamedTuple, get_args
 
 import numpy as np
 
 from p2l.errors import SolverError
-from p2l.records import Array, BoolArray
+from p2l.records import Array, BoolArray, IntArray
 from p2l.team.cases import Instance, tree_bound
 from p2l.team.certificate import PROVEN, Verdict
 from p2l.team.problem import Status, relative_gap
 from p2l.team.shop.outcome import attempt_cost, shop_outcome
 from p2l.team.shop.record import Choice, Shop, ShopCertificate, ShopPlan, precedence
+
+_TABLE = 4_000_000  # entries of a table of service costs that is kept from case to case
 
 
 def check_shop_plan(shop: Shop, plan: ShopPlan) -> Verdict:
@@ -56,7 +59,7 @@ def shop_bound(shop: Shop, proof: ShopCertificate) -> float:
     Raises:
         SolverError: cases that leave something out, a leaf without a certificate, or one of another shop.
     """
-    below = _below(proof)
+    below, services = _below(proof), _services(shop)
     lowest, waiting = math.inf, [(0, np.zeros((len(shop.lessons), len(shop.groups[0])), dtype=bool))]
     while waiting:
         case, dropped = waiting.pop()
@@ -71,7 +74,7 @@ def shop_bound(shop: Shop, proof: ShopCertificate) -> float:
         leaf = proof.leaf[case]
         if leaf is None or leaf.multipliers.shape[1] != len(shop.groups[0]):
             raise SolverError(f"certificate: case {case} has no proof of this shop")
-        lowest = min(lowest, tree_bound(_instance(shop, dropped), leaf))
+        lowest = min(lowest, tree_bound(_instance(shop, services, dropped), leaf))
     return lowest
 
 
@@ -98,7 +101,15 @@ def _check_circle(shop: Shop, pairs: list[tuple[int, int]]) -> None:
             raise SolverError("certificate: the pairs that its cases leave out are no circle")
 
 
-def _instance(shop: Shop, dropped: BoolArray) -> Instance:
+class _Services(NamedTuple):
+    """Facilities of a shop: lesson [F], robot [F], and service costs [high - low, F] of some groups."""
+
+    lesson: IntArray
+    robot: IntArray
+    block: Callable[[int, int], Array]
+
+
+def _services(shop: Shop) -> _Services:
     task, size = shop.groups
     facilities = [
         (each, r)
@@ -108,35 +119,47 @@ def _instance(shop: Shop, dropped: BoolArray) -> Instance:
     ]
     lesson = np.array([each for each, _ in facilities], dtype=np.int64)
     robot = np.array([r for _, r in facilities], dtype=np.int64)
-    opening = shop.c_demo[robot, lesson]
+    own = shop.completes[lesson]
     forbidden = None if shop.order == "any" else precedence(shop)
-    names = tuple(f"task '{shop.tasks[i]}'" for i in task.tolist())
 
     def block(low: int, high: int) -> Array:
         cost = np.full((high - low, len(facilities)), np.inf)
         for g in range(low, high):
             i = int(task[g])
-            own = shop.completes[lesson] == i
             if shop.choice[i] != Choice.DELEGATE and not (shop.choice[i] == Choice.LEARN and g < shop.n):
-                cost[g - low] = float(size[g]) * attempt_cost(
-                    shop, robot, np.full(len(robot), i), shop.transfer[robot, lesson, i]
-                )
+                attempts = attempt_cost(shop, robot, np.full(len(robot), i), shop.transfer[robot, lesson, i])
+                cost[g - low] = float(size[g]) * attempts
                 if forbidden is not None:
-                    tasks = np.maximum(shop.completes[lesson], 0)
-                    cost[g - low][(shop.completes[lesson] >= 0) & forbidden[i, tasks]] = np.inf
-                cost[g - low][dropped[lesson, g]] = np.inf
+                    cost[g - low][(own >= 0) & forbidden[i, np.maximum(own, 0)]] = np.inf
             if g < shop.n:
-                cost[g - low][own] = 0.0
+                cost[g - low][own == i] = 0.0
         return cost
+
+    if len(task) * len(facilities) > _TABLE:
+        return _Services(lesson, robot, block)
+    table = block(0, len(task))
+    return _Services(lesson, robot, lambda low, high: table[low:high])
+
+
+def _instance(shop: Shop, services: _Services, dropped: BoolArray) -> Instance:
+    task, size = shop.groups
+    lesson, block = services.lesson, services.block
+    opening = shop.c_demo[services.robot, lesson]
+    names = tuple(f"task '{shop.tasks[i]}'" for i in task.tolist())
+    rest = block
+    if dropped.any():
+
+        def rest(low: int, high: int) -> Array:
+            return np.where(dropped[lesson, low:high].T, np.inf, block(low, high))
 
     groups = zip(task.tolist(), size.tolist(), strict=True)
     outside = np.array([_without_lessons(shop, g, i, float(m)) for g, (i, m) in enumerate(groups)])
     limits = np.array([shop.max_lessons, shop.max_teaching])
     used = np.isfinite(limits)
-    weights = np.stack([np.ones(len(facilities)), opening])
+    weights = np.stack([np.ones(len(lesson)), opening])
     if not used.any():
-        return Instance(opening, outside, names, block)
-    return Instance(opening, outside, names, block, weights[used], limits[used])
+        return Instance(opening, outside, names, rest)
+    return Instance(opening, outside, names, rest, weights[used], limits[used])
 
 
 def _may_be_taught(shop: Shop, lesson: int) -> bool:

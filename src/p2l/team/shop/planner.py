@@ -97,6 +97,7 @@ class _Case:
     pair: tuple[int, int]
     dropped: BoolArray
     leaf: Certificate | None = None
+    open_set: BoolArray | None = None
     circle: list[tuple[int, int]] = field(default_factory=list)
 
 
@@ -104,28 +105,34 @@ class _Search:
     def __init__(self, shop: Shop, deadline: float, gap: float) -> None:
         self.shop, self.deadline, self.gap = shop, deadline, gap
         self.best: _Found | None = None
+        self.check_s = 0.0  # what the check of one case takes
         nothing = np.zeros((len(shop.lessons), len(shop.groups[0])), dtype=bool)
         self.cases = [_Case(-1, (-1, -1), nothing)]
 
     def run(self) -> bool:
         """Look at cases, the one with the lowest bound first; whether it ended before the deadline."""
         low, whole = self._look(0)
+        start = time.perf_counter()
+        shop_bound(self.shop, self.proof())
+        self.check_s = time.perf_counter() - start
         waiting = [(low, 0)]
         while waiting:
             low, number = heapq.heappop(waiting)
             case = self.cases[number]
             if not case.circle or low >= self._cutoff():
                 continue
-            if time.perf_counter() > self.deadline:
+            if time.perf_counter() + self.check_s * len(self.cases) > self.deadline:
                 return False
+            first = len(self.cases)
             for pair in case.circle:
                 dropped = case.dropped.copy()
                 dropped[pair] = True
                 self.cases.append(_Case(number, pair, dropped))
                 below, ended = self._look(len(self.cases) - 1)
-                whole = whole and ended
+                if not ended:  # what is half done proves less than the case that it is part of
+                    del self.cases[first:]
+                    return False
                 heapq.heappush(waiting, (max(low, below), len(self.cases) - 1))
-            case.leaf = None
         return whole
 
     def proof(self) -> ShopCertificate:
@@ -151,8 +158,8 @@ class _Search:
         if impossible.any():
             case.leaf = Certificate.of(np.where(impossible, LARGEST, 0.0))  # nothing serves it at any price
             return math.inf, True
-        solution = self._solve(reduction)
-        case.leaf = solution.certificate
+        solution = self._solve(reduction, self.cases[max(0, case.parent)])
+        case.leaf, case.open_set = solution.certificate, solution.open
         if not math.isfinite(solution.cost):
             return math.inf, solution.complete
         facilities = np.flatnonzero(solution.open)
@@ -172,12 +179,15 @@ class _Search:
         if math.isfinite(outcome.total) and (self.best is None or outcome.total < self.best.outcome.total):
             self.best = _Found(taught, sequence, outcome)
 
-    def _solve(self, reduction: Reduction) -> PairsSolution:
+    def _solve(self, reduction: Reduction, parent: _Case) -> PairsSolution:
         pairs = reduction.pairs
         few = pairs.demands * pairs.facilities if pairs.demands <= _SMALL else -1
         limits = np.array([self.shop.max_lessons, self.shop.max_teaching])
         used = np.isfinite(limits)
-        free = facility.solve_small_or_large(pairs, self.deadline, self.gap, few=few)
+        known = None if parent.leaf is None else np.minimum(parent.leaf.multipliers[parent.leaf.row[0]], pairs.outside)
+        free = facility.solve_small_or_large(
+            pairs, self.deadline, self.gap, few=few, multipliers=known, open_set=parent.open_set
+        )
         taken = reduction.weights[:, free.open].sum(axis=1)
         if (taken[used] <= limits[used]).all():
             return free
