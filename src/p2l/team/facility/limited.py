@@ -31,7 +31,7 @@ from p2l.team.problem import Certificate
 
 SLACK = 1e-12  # relative: by how much rounding may put what is taken above its limit
 _ROUNDS = 12  # of bound and rounding at the root, unless progress ends earlier
-_ROOT_ITERATIONS, _NODE_ITERATIONS = 300, 60  # of the volume algorithm
+_ROOT_ITERATIONS, _NODE_ITERATIONS = 300, 150  # of the volume algorithm
 _THRESHOLDS = (0.05, 0.2, 0.4, 0.6, 0.8)  # of the estimated opening, rounded up to an open set
 _ROUNDED_NODES = 40  # these try to improve the plan, afterwards every fifth does
 

@@ -16,7 +16,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from p2l.errors import ConfigError, SolverError
-from p2l.records import BoolArray, IntArray
+from p2l.records import Array, BoolArray, IntArray
 from p2l.team import facility
 from p2l.team.certificate import PROVEN
 from p2l.team.contract import check_stopping
@@ -185,14 +185,26 @@ class _Search:
         limits = np.array([self.shop.max_lessons, self.shop.max_teaching])
         used = np.isfinite(limits)
         known = None if parent.leaf is None else np.minimum(parent.leaf.multipliers[parent.leaf.row[0]], pairs.outside)
-        free = facility.solve_small_or_large(
-            pairs, self.deadline, self.gap, few=few, multipliers=known, open_set=parent.open_set
-        )
-        taken = reduction.weights[:, free.open].sum(axis=1)
-        if (taken[used] <= limits[used]).all():
-            return free
+        if not used.any() or self._is_within(reduction, limits, self._quick(reduction)):
+            free = facility.solve_small_or_large(
+                pairs, self.deadline, self.gap, few=few, multipliers=known, open_set=parent.open_set
+            )
+            if self._is_within(reduction, limits, free.open):
+                return free
         solve_within = loaded(facility.within_limits, self.deadline).solve_within
         within: PairsSolution = solve_within(
             pairs, reduction.weights[used], limits[used], deadline=self.deadline, gap=self.gap
         )
         return within
+
+    def _is_within(self, reduction: Reduction, limits: Array, open_set: BoolArray) -> bool:
+        return bool((reduction.weights[:, open_set].sum(axis=1) <= limits).all())
+
+    def _quick(self, reduction: Reduction) -> BoolArray:
+        """[F] what a heuristic opens without limits: whether it keeps them tells which search comes first."""
+        try:
+            solve = loaded(facility.large_scale, self.deadline)
+        except TimeoutError:
+            return np.zeros(reduction.pairs.facilities, dtype=bool)
+        open_set: BoolArray = solve.dual_ascent_lessons(reduction.pairs, self.deadline)[0]
+        return open_set
