@@ -79,7 +79,9 @@ class RobosuiteEnv(gymnasium.Env[dict[str, Any], npt.NDArray[Any]]):
         if self.inner.sim._render_context_offscreen is None:
             from robosuite.utils.binding_utils import MjRenderContextOffscreen
 
-            self.inner.sim.add_render_context(MjRenderContextOffscreen(self.inner.sim, device_id=-1))
+            context = MjRenderContextOffscreen(self.inner.sim, device_id=-1)
+            context.vopt.geomgroup[0] = 0  # what collides, which robosuite hides, too
+            self.inner.sim.add_render_context(context)
         return self.inner.sim.render(camera_name=self._camera, height=height, width=width)[::-1]
 
     def close(self) -> None:
