@@ -111,12 +111,7 @@ class _Services(NamedTuple):
 
 def _services(shop: Shop) -> _Services:
     task, size = shop.groups
-    facilities = [
-        (each, r)
-        for each in range(len(shop.lessons))
-        for r in range(len(shop.robots))
-        if math.isfinite(shop.c_demo[r, each]) and _may_be_taught(shop, each)
-    ]
+    facilities = [(each, r) for each in range(len(shop.lessons)) for r in range(len(shop.robots))]
     lesson = np.array([each for each, _ in facilities], dtype=np.int64)
     robot = np.array([r for _, r in facilities], dtype=np.int64)
     own = shop.completes[lesson]
@@ -144,7 +139,8 @@ def _services(shop: Shop) -> _Services:
 def _instance(shop: Shop, services: _Services, dropped: BoolArray) -> Instance:
     task, size = shop.groups
     lesson, block = services.lesson, services.block
-    opening = shop.c_demo[services.robot, lesson]
+    may_be = np.array([_may_be_taught(shop, each) for each in lesson.tolist()], dtype=bool)
+    opening = np.where(may_be, shop.c_demo[services.robot, lesson], np.inf)
     names = tuple(f"task '{shop.tasks[i]}'" for i in task.tolist())
     rest = block
     if dropped.any():
@@ -156,7 +152,7 @@ def _instance(shop: Shop, services: _Services, dropped: BoolArray) -> Instance:
     outside = np.array([_without_lessons(shop, g, i, float(m)) for g, (i, m) in enumerate(groups)])
     limits = np.array([shop.max_lessons, shop.max_teaching])
     used = np.isfinite(limits)
-    weights = np.stack([np.ones(len(lesson)), opening])
+    weights = np.stack([np.ones(len(lesson)), np.where(np.isinf(opening), 0.0, opening)])
     if not used.any():
         return Instance(opening, outside, names, rest)
     return Instance(opening, outside, names, rest, weights[used], limits[used])

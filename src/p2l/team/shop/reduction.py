@@ -26,7 +26,7 @@ class Reduction(NamedTuple):
 
     Attributes:
         pairs: of demands (groups of copies) and facilities.
-        lesson: [F] of each facility.
+        lesson: [F] of each facility; the facilities of a lesson follow each other, one for every robot.
         robot: [F] of each facility.
         weights: [2, F] what a facility takes of `max_lessons` and `max_teaching`.
     """
@@ -44,10 +44,8 @@ def reduce_shop(shop: Shop, dropped: BoolArray | None = None) -> Reduction:
         shop: the day.
         dropped: [L, G] pairs of a lesson and a group that are left out, for every robot.
     """
-    teachable = np.isfinite(shop.c_demo) & ~_not_taught(shop)[None, :]
-    robot, lesson = np.nonzero(teachable)
-    order = np.lexsort((robot, lesson))
-    robot, lesson = robot[order], lesson[order]
+    lesson, robot = np.divmod(np.arange(len(shop.lessons) * len(shop.robots)), len(shop.robots))
+    opening = np.where(_not_taught(shop)[lesson], np.inf, shop.c_demo[robot, lesson])
     task, size = shop.groups
     outside = outside_costs(shop)
     late = too_late(shop)
@@ -64,11 +62,16 @@ def reduce_shop(shop: Shop, dropped: BoolArray | None = None) -> Reduction:
         if dropped is not None:
             cost[dropped[lesson, low:high].T] = np.inf
         cost[is_first[:, None] & (own[None, :] == i[:, None])] = 0.0
+        cost[:, np.isinf(opening)] = np.inf
         return cost, cost < outside[low:high, None]
 
-    opening = shop.c_demo[robot, lesson]
     pairs = collect(opening.copy(), outside, block)
-    return Reduction(pairs, lesson, robot, np.stack([np.ones(len(lesson)), opening]))
+    return Reduction(pairs, lesson, robot, np.stack([np.ones(len(lesson)), _finite(opening)]))
+
+
+def _finite(costs: Array) -> Array:
+    """Costs, 0 where they are infinite: what cannot be opened takes nothing of a limit."""
+    return np.where(np.isinf(costs), 0.0, costs)
 
 
 def outside_costs(shop: Shop) -> Array:

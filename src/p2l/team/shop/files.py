@@ -1,0 +1,259 @@
+"""A shop's plan as files: `plan.csv` to read, `plan.json` with all of it, `certificate.npz`, `reasons.csv`."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, cast
+
+import numpy as np
+
+from p2l.artifacts import finite, load_arrays, save_arrays, write_text
+from p2l.errors import ArtifactError, InputError, ShapeError
+from p2l.team.problem import Certificate, Decision, Plan, Status
+from p2l.team.shop.reasons import Reasons
+from p2l.team.shop.record import Shop, ShopCertificate, ShopPlan
+from p2l.text import guarded_cell
+
+TABLE, SUMMARY, PROOF, REASONS = "plan.csv", "plan.json", "certificate.npz", "reasons.csv"
+_FIRST, _LAST = ["order", "task"], ["skill", "p_success", "expected_cost"]
+_PARTS = ("multipliers", "row", "parent", "facility", "is_open", "prices")
+
+
+def of_plan(plan: Plan) -> ShopPlan:
+    """The plan of a thesis's problem as one of `Shop.of_problem`."""
+    lessons = np.array([task for task in plan.sequence.tolist() if plan.decision[task] == Decision.LEARN], np.int64)
+    proof = None
+    if plan.certificate is not None:
+        root = np.full(1, -1)
+        proof = ShopCertificate(root, root, root, (plan.certificate,))
+    return ShopPlan(
+        planner=plan.planner, status=plan.status, taught=np.stack([lessons, np.zeros_like(lessons)], axis=1),
+        sequence=plan.sequence, decision=plan.decision, robot=np.where(plan.decision == Decision.DELEGATE, -1, 0),
+        lesson=plan.skill, p_success=plan.p_success, expected_cost=plan.expected_cost, objective=plan.objective,
+        lower_bound=plan.lower_bound, gap=plan.gap, seconds=plan.seconds, certificate=proof,
+    )  # fmt: skip
+
+
+def plan_rows(shop: Shop, plan: ShopPlan) -> list[dict[str, Any]]:
+    """A row for every group of copies in order of work, lessons that complete no task of today first.
+
+    Keys: order, task, count, decision, robot, skill (the lesson's name, '' for pre-trained skills or the person),
+    p_success, expected_cost.
+    """
+    task, size = shop.groups
+    rows: list[dict[str, Any]] = []
+    for lesson, robot in plan.taught.tolist():
+        if shop.completes[lesson] < 0:
+            name = shop.lessons[lesson]
+            rows.append({"task": name, "count": 1, "decision": "learn", "robot": shop.robots[robot], "skill": name,
+                         "p_success": 1.0, "expected_cost": float(shop.c_demo[robot, lesson])})  # fmt: skip
+    for group in plan.sequence.tolist():
+        lesson, robot = int(plan.lesson[group]), int(plan.robot[group])
+        robots = [shop.robots[r] for each, r in plan.taught.tolist() if each == lesson]
+        is_taught = plan.decision[group] == Decision.LEARN
+        rows.append({
+            "task": shop.tasks[int(task[group])],
+            "count": int(size[group]),
+            "decision": Decision(int(plan.decision[group])).name.lower(),
+            "robot": " + ".join(robots) if is_taught else shop.robots[robot] if robot >= 0 else "",
+            "skill": shop.lessons[lesson] if lesson >= 0 else "",
+            "p_success": float(plan.p_success[group]),
+            "expected_cost": float(plan.expected_cost[group]),
+        })  # fmt: skip
+    return [{"order": place} | row for place, row in enumerate(rows, start=1)]
+
+
+def columns_of(shop: Shop) -> list[str]:
+    """Columns of `plan.csv`; `count` and `robot` only where they say something."""
+    count = ["count"] if bool((shop.count > 1).any()) else []
+    robot = ["robot"] if len(shop.robots) > 1 else []
+    return [*_FIRST, *count, "decision", *robot, *_LAST]
+
+
+def table_text(shop: Shop, plan: ShopPlan, extra: Mapping[str, tuple[str, ...]] | None = None) -> str:
+    """`plan.csv`: `plan_rows`, then a person's own columns [n cells by name]."""
+    columns, more = columns_of(shop), dict(extra or {})
+    place = {name: index for index, name in enumerate(shop.tasks)}
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([*columns, *more])
+    for row in plan_rows(shop, plan):
+        cells = [f"{row[name]:.12g}" if name in _LAST[1:] else guarded_cell(str(row[name])) for name in columns]
+        at = place.get(row["task"])
+        writer.writerow([*cells, *("" if at is None else guarded_cell(values[at]) for values in more.values())])
+    return text.getvalue()
+
+
+def write_shop_plan(
+    folder: Path | str,
+    shop: Shop,
+    plan: ShopPlan,
+    reasons: Reasons,
+    *,
+    extra: Mapping[str, tuple[str, ...]] | None = None,
+    remarks: tuple[str, ...] = (),
+) -> None:
+    """Write `plan.csv`, `plan.json`, `certificate.npz` and `reasons.csv`; the caller has checked the place."""
+    out = Path(folder)
+    counts = {f"n_{kind.name.lower()}": _copies(shop, plan, kind) for kind in Decision}
+    summary = {
+        "planner": plan.planner,
+        "order": shop.order,
+        "status": plan.status,
+        "objective": finite(plan.objective),
+        "lower_bound": finite(plan.lower_bound),
+        "gap": finite(plan.gap),
+        "seconds": finite(plan.seconds),
+        "n_tasks": int(shop.count.sum()),
+        **counts,
+        "without_lessons": finite(reasons.alone),
+        "max_lessons": finite(shop.max_lessons),
+        "max_teaching": finite(shop.max_teaching),
+        "remarks": list(remarks),
+        "lessons": [
+            {"lesson": shop.lessons[each], "robot": shop.robots[r], "c_demo": float(shop.c_demo[r, each])}
+            for each, r in plan.taught.tolist()
+        ],
+        "plan": [row | {"expected_cost": finite(row["expected_cost"])} for row in plan_rows(shop, plan)],
+        "taught": plan.taught.tolist(),
+        "sequence": plan.sequence.tolist(),
+    }
+    facts = json.dumps(summary, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
+    table, why = table_text(shop, plan, extra), reasons_text(shop, reasons)
+    if plan.certificate is not None:
+        save_arrays(out / PROOF, _arrays(plan.certificate), schema="shop_certificate", version=1)
+    write_text(out / REASONS, why)
+    write_text(out / TABLE, table)
+    write_text(out / SUMMARY, facts)
+
+
+def reasons_text(shop: Shop, reasons: Reasons) -> str:
+    """`reasons.csv`: lessons that are given, then what others would have to cost."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    names = ["lesson", "robot", "given", "c_demo", "serves", "saving", "saving_others_fixed", "given_below"]
+    writer.writerow(names)
+    task, size = shop.groups
+    for each in reasons.lessons:
+        users = "; ".join(_copies_of(shop.tasks[int(task[g])], int(size[g])) for g in each.serves.tolist())
+        numbers = (each.saving, each.saving_others_fixed, each.stays_up_to)
+        head = [guarded_cell(shop.lessons[each.lesson]), guarded_cell(shop.robots[each.robot]), "yes"]
+        writer.writerow([*head, _number(each.c_demo), guarded_cell(users), *map(_number, numbers)])
+    for other in reasons.not_given:
+        head = [guarded_cell(shop.lessons[other.lesson]), guarded_cell(shop.robots[other.robot]), "no"]
+        writer.writerow([*head, _number(other.c_demo), "", "", "", _number(other.below)])
+    return text.getvalue()
+
+
+def read_shop_plan(folder: Path | str, shop: Shop, extra: Mapping[str, tuple[str, ...]] | None = None) -> ShopPlan:
+    """Read what `write_shop_plan` has written; `check_shop_plan` says whether it is true.
+
+    Raises:
+        ArtifactError: a file is missing, damaged, or not what `write_shop_plan` writes.
+        InputError: the plan is not of this shop, or `plan.csv` is not the table of `plan.json`.
+    """
+    out = Path(folder)
+    summary = read_summary(out)
+    task, _ = shop.groups
+    try:
+        rows = [row for row in summary["plan"] if row["task"] in shop.tasks]
+        taught = np.array(summary["taught"], dtype=np.int64).reshape(-1, 2)
+        sequence = np.array(summary["sequence"], dtype=np.int64)
+        if sorted(sequence.tolist()) != list(range(len(task))) or len(rows) != len(task):
+            raise ValueError("its tasks are others")
+        columns: dict[str, list[float]] = {}
+        lessons, robots = list(shop.lessons), list(shop.robots)
+        columns["decision"] = [Decision[row["decision"].upper()] for row in rows]
+        columns["lesson"] = [lessons.index(row["skill"]) if row["skill"] else -1 for row in rows]
+        columns["robot"] = [robots.index(row["robot"].split(" + ")[0]) if row["robot"] else -1 for row in rows]
+        for name in ("p_success", "expected_cost"):
+            columns[name] = [float(row[name]) for row in rows]
+        place = np.argsort(sequence)
+        if [row["task"] for row in rows] != [shop.tasks[int(task[g])] for g in sequence]:
+            raise ValueError("its tasks are others")
+        plan = ShopPlan(
+            planner=str(summary["planner"]), status=cast(Status, summary["status"]), taught=taught, sequence=sequence,
+            objective=_float(summary, "objective"), lower_bound=_float(summary, "lower_bound"),
+            gap=_float(summary, "gap"), seconds=_float(summary, "seconds"), certificate=_read_proof(out / PROOF),
+            **{name: np.array(values)[place] for name, values in columns.items()},
+        )  # fmt: skip
+    except (KeyError, ValueError, TypeError, AttributeError, ShapeError, OverflowError) as error:
+        raise InputError.at(out / SUMMARY, None, None, f"is no plan of these tasks ({error}); plan again") from error
+    try:
+        text = (out / TABLE).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ArtifactError(f"{out / TABLE}: cannot be read as a plan ({error}); plan again") from error
+    if text != table_text(shop, plan, extra):
+        lines = zip(text.splitlines(), table_text(shop, plan, extra).splitlines(), strict=False)
+        line = next((at for at, (one, other) in enumerate(lines, start=1) if one != other), None)
+        raise InputError.at(out / TABLE, line, None, f"is not what {SUMMARY} says; plan again")
+    return plan
+
+
+def read_summary(folder: Path) -> dict[str, Any]:
+    """`plan.json`.
+
+    Raises:
+        ArtifactError: missing, or no summary of a plan.
+    """
+    path = folder / SUMMARY
+    try:
+        summary = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise ArtifactError(f"{path}: cannot be read as a plan's summary ({error}); plan again") from error
+    if not isinstance(summary, dict) or not {"planner", "status", "objective", "order", "plan"} <= set(summary):
+        raise ArtifactError(f"{path}: is no summary of a plan; plan again")
+    return summary
+
+
+def _arrays(proof: ShopCertificate) -> dict[str, Any]:
+    arrays: dict[str, Any] = {name: np.asarray(getattr(proof, name)) for name in ("parent", "lesson", "group")}
+    for number, leaf in enumerate(proof.leaf):
+        if leaf is not None:
+            arrays |= {f"{number}/{name}": np.asarray(getattr(leaf, name)) for name in _PARTS}
+            arrays[f"{number}/target"] = np.array(leaf.target)
+    return arrays
+
+
+def _read_proof(path: Path) -> ShopCertificate | None:
+    if not path.is_file():
+        return None
+    arrays = load_arrays(path, schema="shop_certificate", version=1)
+    try:
+        leaves: list[Certificate | None] = []
+        for number in range(len(arrays["parent"])):
+            if f"{number}/target" not in arrays:
+                leaves.append(None)
+                continue
+            parts = {name: arrays[f"{number}/{name}"] for name in _PARTS}
+            if arrays[f"{number}/target"].shape:
+                raise ValueError("its target is no number")
+            leaves.append(Certificate(**parts, target=float(arrays[f"{number}/target"])))
+        return ShopCertificate(arrays["parent"], arrays["lesson"], arrays["group"], tuple(leaves))
+    except (KeyError, TypeError, ValueError, ShapeError) as error:
+        raise ArtifactError(f"{path}: is no certificate ({error}); plan again") from error
+
+
+def _copies(shop: Shop, plan: ShopPlan, kind: Decision) -> int:
+    _, size = shop.groups
+    return int(size[plan.decision == kind].sum())
+
+
+def _copies_of(name: str, count: int) -> str:
+    return f"{name} ×{count}" if count > 1 else name
+
+
+def _number(value: float) -> str:
+    return "" if math.isnan(value) else f"{value:.12g}"
+
+
+def _float(summary: Mapping[str, Any], name: str) -> float:
+    value = summary.get(name)
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return math.nan  # which the check refuses
+    return float(value)
