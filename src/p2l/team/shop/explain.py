@@ -1,0 +1,93 @@
+"""What a person reads at the end: the cost, why each lesson pays, and which others nearly do."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from p2l.team.problem import Decision
+from p2l.team.shop.reasons import BreakEven, LessonReason, Reasons
+from p2l.team.shop.record import Shop, ShopPlan
+from p2l.text import printable
+
+_NAMES = 4  # tasks that a row names; the rest are counted
+_NEAR = 3  # lessons that are told, of those that would pay if they cost less
+
+
+def explain_shop(shop: Shop, plan: ShopPlan, reasons: Reasons) -> str:
+    """The headline, a table of the lessons, and the lessons that are nearest to being given.
+
+    "saving" is what the best plan without a lesson costs more, with all decisions made again; "others kept fixed" is
+    what this plan without it costs more.
+    """
+    _, size = shop.groups
+    counts = ", ".join(f"{int(size[plan.decision == kind].sum())} {kind.name.lower()}" for kind in Decision)
+    alone = "not possible" if math.isinf(reasons.alone) else "not known" if math.isnan(reasons.alone) else None
+    without = f"without any lesson {alone or f'{reasons.alone:,.1f}'}"
+    lines = [f"Expected cost {plan.objective:,.1f} ({proof_of(plan)}); {without}. {counts}."]
+    if reasons.lessons:
+        robot = ("robot",) if len(shop.robots) > 1 else ()
+        header = ("lesson", *robot, "costs", "pays for", "saving", "others kept fixed", "given up to")
+        lines.append(_columns([header, *(_row(shop, each) for each in reasons.lessons)], names=(0, 2 + len(robot))))
+    if reasons.not_given:
+        near = ", ".join(_near(shop, each) for each in reasons.not_given[:_NEAR])
+        rest = len(reasons.not_given) - _NEAR
+        lines.append(
+            f"{'No other lesson pays' if reasons.lessons else 'No lesson pays'}; {near}"
+            + (f", and {rest} more in reasons.csv." if rest > 0 else ".")
+        )
+    elif not reasons.lessons:
+        lines.append("No lesson pays for itself.")
+    if reasons.unknown:
+        lines.append(f"There was no time to solve again for {reasons.unknown} lessons; give more with reasons_s=….")
+    return "\n".join(lines)
+
+
+def proof_of(plan: ShopPlan) -> str:
+    """How far the plan can be from the best one."""
+    if plan.status == "optimal":
+        return "proven optimal"
+    if plan.lower_bound > 0.0:
+        excess = (plan.objective - plan.lower_bound) / plan.lower_bound
+        return f"{plan.status}, at most {excess:.2%} above the optimum"
+    return f"{plan.status}, the optimum is at least {max(0.0, plan.lower_bound):,.1f}"  # no cost is negative
+
+
+def served(shop: Shop, reason: LessonReason, most: int = _NAMES) -> str:
+    """Names of the groups that a lesson serves, copies as ×k."""
+    task, size = shop.groups
+    names = [
+        printable(shop.tasks[int(task[g])], lines=False) + (f" ×{int(size[g])}" if size[g] > 1 else "")
+        for g in reason.serves.tolist()
+    ]
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more or "itself only"
+
+
+def _row(shop: Shop, reason: LessonReason) -> tuple[str, ...]:
+    robot = (printable(shop.robots[reason.robot], lines=False),) if len(shop.robots) > 1 else ()
+    name = printable(shop.lessons[reason.lesson], lines=False)
+    numbers = (reason.saving, reason.saving_others_fixed, reason.stays_up_to)
+    return (name, *robot, f"{reason.c_demo:,.1f}", served(shop, reason), *map(_amount, numbers))
+
+
+def _near(shop: Shop, other: BreakEven) -> str:
+    name = printable(shop.lessons[other.lesson], lines=False)
+    robot = f" to {printable(shop.robots[other.robot], lines=False)}" if len(shop.robots) > 1 else ""
+    return f"{name}{robot} would below {other.below:,.1f}"
+
+
+def _amount(value: float) -> str:
+    return "?" if math.isnan(value) else "needed" if math.isinf(value) else f"{value:,.1f}"
+
+
+def _columns(rows: Sequence[Sequence[str]], names: tuple[int, ...]) -> str:
+    widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
+    lines = [
+        "  ".join(
+            cell.ljust(width) if column in names else cell.rjust(width)
+            for column, (cell, width) in enumerate(zip(row, widths, strict=True))
+        ).rstrip()
+        for row in rows
+    ]
+    return "\n".join([lines[0], "  ".join("-" * width for width in widths), *lines[1:]])
