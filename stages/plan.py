@@ -5,9 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from p2l.artifacts import load_arrays, save_json, save_table
-from p2l.records import TransferData
 from p2l.schema import PlanConfig
-from p2l.team.planners import plan
 from p2l.tracking import Tracker
 from stages._stage import stage
 
@@ -16,30 +14,16 @@ from stages._stage import stage
 def run(cfg: PlanConfig, out: Path, track: Tracker) -> None:
     """Plan a person's own tasks, or the sets of the domain's study."""
     if cfg.tasks is not None and cfg.transfer is not None:
-        _own_tasks(cfg, cfg.tasks, cfg.transfer, out, track)
+        from stages._shop import plan_own_tasks
+
+        plan_own_tasks(cfg, out, track)
     else:
         _study_sets(cfg, out, track)
 
 
-def _own_tasks(cfg: PlanConfig, tasks: Path, transfer: Path, out: Path, track: Tracker) -> None:
-    from p2l.evaluation.team.plan import save_plan_figure
-    from p2l.team.files import read_problem
-    from p2l.team.plan_files import check_place, explain, write_plan
-
-    check_place(out, (tasks, transfer))
-    problem = read_problem(tasks, transfer, cfg.order)
-    options = {"theta": cfg.theta} if cfg.planner == "cba" else {}
-    day = plan(problem, cfg.planner, time_limit_s=cfg.time_limit_s, gap=cfg.gap, **options)
-    reasons = explain(problem, day)
-    save_plan_figure(out / "plan.png", problem, day)  # whatever can fail comes before the first file
-    write_plan(out, problem, day)
-    track.metrics({"objective": day.objective, "lower_bound": day.lower_bound, "seconds": day.seconds})
-    track.artifact(out / "plan.png")
-    print(reasons)
-
-
 def _study_sets(cfg: PlanConfig, out: Path, track: Tracker) -> None:
     from p2l.domains.table import make_domain
+    from p2l.records import TransferData
     from p2l.team.execute import study_plans
     from p2l.transfer.model import load_transfer_model
 

@@ -17,7 +17,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import stdtrit
 
 from p2l.metareskill.history import History
 from p2l.records import Array, IntArray
@@ -40,6 +39,8 @@ class Improvement:
 
 def quantile(confidence: float, count: IntArray) -> Array:
     """Student's t of a two-sided interval of `confidence` for the mean of `count` ≥ 2 values."""
+    from scipy.special import stdtrit  # takes as long to load as all else that a stage without it needs
+
     return np.asarray(stdtrit(count - 1, (1.0 + confidence) / 2.0))
 
 

@@ -135,10 +135,26 @@ class FitTransferConfig(DomainStageConfig, ArchivedStageConfig):
         return "mlp"
 
 
-class PlanConfig(StudyStageConfig):
+class ShopFiles(ConfigSection):
+    """Files of a person's own tasks besides orders and transfer, and what fills the pairs that these leave open."""
+
+    before: Path | None
+    robots: Path | None
+    fill: Probability | None
+    features: Path | None
+    trials: Path | None
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """Those that are given."""
+        return tuple(path for path in (self.before, self.robots, self.features, self.trials) if path is not None)
+
+
+class PlanConfig(StudyStageConfig, ShopFiles):
     """Stage `plan`: a person's own tasks (`tasks` and `transfer` given), else sets drawn from the domain.
 
-    Planners: see `p2l.team.PLANNERS`; the stage refuses an unknown one. `theta` is the confidence of CBA.
+    Planners: see `p2l.team.PLANNERS`; the stage refuses an unknown one. `theta` is the confidence of CBA. `order` is
+    fixed if none is given, partial where there is a `before`.
     """
 
     tasks: Path | None
@@ -146,7 +162,10 @@ class PlanConfig(StudyStageConfig):
     transfer_model: Path
     transfer_data: Path
     planner: str
-    order: Literal["fixed", "any"]
+    order: Literal["fixed", "any"] | None
+    max_lessons: NotNegative | None
+    max_teaching: NotNegative | None
+    reasons_s: NotNegative
     time_limit_s: Positive
     gap: NotNegative
     theta: Probability
@@ -156,7 +175,11 @@ class PlanConfig(StudyStageConfig):
         if (self.tasks is None) != (self.transfer is None):
             missing = "transfer" if self.transfer is None else "tasks"
             raise ValueError(f"{missing} is missing; give tasks=<orders.csv> and transfer=<transfer.csv> together")
-        changes = {"planner": self.planner != "auto", "order": self.order != "fixed", "gap": self.gap != 0.0}
+        if self.before is not None and self.order is not None:
+            raise ValueError(f"order={self.order} and before=…: a partial order is an order of its own; leave one out")
+        own = ("order", "max_lessons", "max_teaching", "before", "robots", "fill", "features", "trials")
+        changes = {"planner": self.planner != "auto", "gap": self.gap != 0.0}
+        changes |= {name: getattr(self, name) is not None for name in own}
         if self.tasks is None and any(changes.values()):
             names = ", ".join(name for name, change in changes.items() if change)
             raise ValueError(f"{names}: only for your own tasks (tasks=… transfer=…); a study compares all planners")
@@ -173,7 +196,7 @@ class PlanConfig(StudyStageConfig):
         return self.planner
 
 
-class CheckPlanConfig(StageConfig):
+class CheckPlanConfig(StageConfig, ShopFiles):
     """Stage `check_plan`: the plan in a folder against the tasks that it was made for."""
 
     tasks: Path

@@ -6,9 +6,9 @@ import csv
 import io
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, Literal, cast
 
 import numpy as np
 
@@ -16,12 +16,34 @@ from p2l.artifacts import finite, load_arrays, save_arrays, write_text
 from p2l.errors import ArtifactError, InputError, ShapeError
 from p2l.team.problem import Certificate, Decision, Plan, Status
 from p2l.team.shop.reasons import Reasons
-from p2l.team.shop.record import Shop, ShopCertificate, ShopPlan
+from p2l.team.shop.record import SHOP_ORDERS, Shop, ShopCertificate, ShopPlan
 from p2l.text import guarded_cell
 
 TABLE, SUMMARY, PROOF, REASONS = "plan.csv", "plan.json", "certificate.npz", "reasons.csv"
+FILES = (TABLE, SUMMARY, PROOF, REASONS, "plan.png", "plan.html")
 _FIRST, _LAST = ["order", "task"], ["skill", "p_success", "expected_cost"]
 _PARTS = ("multipliers", "row", "parent", "facility", "is_open", "prices")
+
+
+def check_shop_place(folder: Path | str, inputs: Sequence[Path] = ()) -> None:
+    """Refuse a folder in which a plan would take the place of a file that is no plan of ours.
+
+    Raises:
+        ArtifactError: `folder` is a file, an input would be overwritten, or there is a `plan.csv` that is no plan.
+    """
+    place = Path(folder)
+    if place.is_file():
+        raise ArtifactError(f"{place}: is a file; give a folder to write the plan into")
+    for path in (place / name for name in FILES if (place / name).exists()):
+        if any(each.exists() and each.samefile(path) for each in inputs):
+            raise ArtifactError(f"{path}: is an input, and the plan would overwrite it; name another folder")
+    try:
+        with (place / TABLE).open(encoding="utf-8", errors="replace") as stream:
+            head = stream.readline().strip().split(",")
+    except OSError:  # there is none, or it will be told when it is written
+        return
+    if head != [""] and not (head[:2] == _FIRST and set(_LAST) <= set(head)):
+        raise ArtifactError(f"{place / TABLE}: is there already, and no plan of ours; name another folder")
 
 
 def of_plan(plan: Plan) -> ShopPlan:
@@ -209,6 +231,20 @@ def read_summary(folder: Path) -> dict[str, Any]:
     if not isinstance(summary, dict) or not {"planner", "status", "objective", "order", "plan"} <= set(summary):
         raise ArtifactError(f"{path}: is no summary of a plan; plan again")
     return summary
+
+
+def settings_of(folder: Path | str) -> tuple[Literal["fixed", "any"], float | None, float | None]:
+    """Order, `max_lessons` and `max_teaching` that a written plan was made for; a partial order is in its own file.
+
+    Raises:
+        ArtifactError: as `read_summary`, or settings that there are not.
+    """
+    summary = read_summary(Path(folder))
+    limits = [summary.get(name) for name in ("max_lessons", "max_teaching")]
+    numbers = [each is None or (isinstance(each, (int, float)) and each >= 0.0) for each in limits]
+    if summary["order"] not in SHOP_ORDERS or not all(numbers):
+        raise ArtifactError(f"{Path(folder) / SUMMARY}: its order or its limits are unknown; plan again")
+    return "any" if summary["order"] == "any" else "fixed", limits[0], limits[1]
 
 
 def _arrays(proof: ShopCertificate) -> dict[str, Any]:

@@ -1,0 +1,88 @@
+"""A person's own tasks, as the stages `plan` and `check_plan` read them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+from p2l.team.shop.reading import Reading, read_shop
+
+from p2l.errors import ConfigError
+from p2l.records import Array
+from p2l.schema import CheckPlanConfig, PlanConfig
+from p2l.team.planners import plan
+from p2l.team.shop import Shop, ShopPlan, plan_shop
+from p2l.team.shop.explain import explain_shop
+from p2l.team.shop.files import check_shop_place, of_plan, write_shop_plan
+from p2l.team.shop.reasons import reasons_of
+from p2l.tracking import Tracker
+
+Order = Literal["fixed", "any"]
+
+
+def read_own_tasks(
+    cfg: PlanConfig | CheckPlanConfig, order: Order, max_lessons: float | None, max_teaching: float | None
+) -> Reading:
+    """The shop in the files that a configuration names, missing pairs filled as it says."""
+    assert cfg.tasks is not None
+    assert cfg.transfer is not None
+    return read_shop(
+        cfg.tasks,
+        cfg.transfer,
+        before=cfg.before,
+        robots=cfg.robots,
+        order=order,
+        max_lessons=math.inf if max_lessons is None else max_lessons,
+        max_teaching=math.inf if max_teaching is None else max_teaching,
+        fill=cfg.fill,
+        filling=None if cfg.features is None else _predictor(cfg.features, cfg.trials, cfg.seed),
+    )
+
+
+def plan_own_tasks(cfg: PlanConfig, out: Path, track: Tracker) -> None:
+    """Write the plan of a person's own tasks, its figure and its page, and print the reasons."""
+    from p2l.evaluation.team.page import write_page
+    from p2l.evaluation.team.shop_figure import save_shop_figure
+
+    inputs = [path for path in (cfg.tasks, cfg.transfer, *cfg.files) if path is not None]
+    check_shop_place(out, inputs)
+    reading = read_own_tasks(cfg, cfg.order or "fixed", cfg.max_lessons, cfg.max_teaching)
+    shop = reading.shop
+    day = _plan(cfg, shop)
+    reasons = reasons_of(shop, day, time_limit_s=cfg.reasons_s)
+    save_shop_figure(out / "plan.png", shop, day)  # whatever can fail comes before the first table
+    write_page(out / "plan.html", shop, day, reasons, reading.remarks, out / "plan.png")
+    write_shop_plan(out, shop, day, reasons, extra=reading.extra, remarks=reading.remarks)
+    track.metrics({"objective": day.objective, "lower_bound": day.lower_bound, "seconds": day.seconds})
+    for name in ("plan.png", "plan.html"):
+        track.artifact(out / name)
+    for remark in reading.remarks:
+        print(f"Note: {remark}")
+    print(explain_shop(shop, day, reasons))
+
+
+def _plan(cfg: PlanConfig, shop: Shop) -> ShopPlan:
+    """By any planner where a shop is a problem of the thesis; what is more than that has one route."""
+    problem = shop.problem()
+    if problem is not None:
+        options = {"theta": cfg.theta} if cfg.planner == "cba" else {}
+        return of_plan(plan(problem, cfg.planner, time_limit_s=cfg.time_limit_s, gap=cfg.gap, **options))
+    if cfg.planner != "auto":
+        raise ConfigError(
+            f"planner={cfg.planner}: plans tasks that come once, one robot, a lesson on every task and a fixed or free "
+            "order; use planner=auto for copies, several robots, decisions, limits, a catalogue or a partial order"
+        )
+    return plan_shop(shop, time_limit_s=cfg.time_limit_s, gap=cfg.gap)
+
+
+def _predictor(features: Path, trials: Path | None, seed: int) -> Callable[[tuple[str, ...], tuple[str, ...]], Array]:
+    """Fills pairs with what the model of `predict_transfer` says of them."""
+    from p2l.transfer.prediction import predicted_pairs
+
+    def fill(taught: tuple[str, ...], tested: tuple[str, ...]) -> Array:
+        return np.asarray(predicted_pairs(features, trials, taught, tested, seed))
+
+    return fill
