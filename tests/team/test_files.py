@@ -12,7 +12,8 @@ from p2l.errors import ArtifactError, ConfigError, InputError, ShapeError, Solve
 from p2l.team import Decision, plan
 from p2l.team.cells import Sheet, probability
 from p2l.team.certificate import check_certificate
-from p2l.team.files import _probabilities, read_problem
+from p2l.team.columns import probabilities
+from p2l.team.files import read_problem
 from p2l.team.plan_files import explain, read_plan, write_plan
 from tests.team.team_instances import random_transfer, thesis_set
 
@@ -94,13 +95,14 @@ def test_any_table_is_read_to_the_bit(tmp_path_factory, values, mark, percent):
 )
 def test_a_row_at_once_is_what_its_cells_are(texts, comma, unclear):
     sheet = Sheet("t.csv", ("", *map(str, range(len(texts)))), (), comma, unclear=unclear)
+    places = [(2, name) for name in sheet.header[1:]]
     one_by_one, at_once = [], []
     try:
         one_by_one = [probability(sheet, 2, name, text) for name, text in zip(sheet.header[1:], texts, strict=True)]
-        at_once = _probabilities(sheet, 2, sheet.header[1:], texts).tolist()
+        at_once = probabilities(sheet, places, texts).tolist()
     except InputError as problem:
         with pytest.raises(InputError, match=re.escape(str(problem))):
-            _probabilities(sheet, 2, sheet.header[1:], texts)
+            probabilities(sheet, places, texts)
     assert at_once == one_by_one
 
 

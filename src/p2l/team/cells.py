@@ -68,9 +68,9 @@ class Sheet:
             InputError: two columns are the same known one.
         """
         found: dict[str, int] = {}
-        names = {_normal(name): name for name in known}
+        names = {normal(name): name for name in known}
         for place, written in enumerate(self.header):
-            if (name := names.get(_normal(written))) is None:
+            if (name := names.get(normal(written))) is None:
                 continue
             if name in found:
                 problem = f"means '{name}', and so does {quoted(self.header[found[name]])}; keep one"
@@ -80,8 +80,8 @@ class Sheet:
 
     def extra(self, known: Sequence[str]) -> tuple[str, ...]:
         """Names, as written, of the columns that are not known; one without a name is not among them."""
-        names = {_normal(name) for name in known}
-        return tuple(written for written in self.header if written and _normal(written) not in names)
+        names = {normal(name) for name in known}
+        return tuple(written for written in self.header if written and normal(written) not in names)
 
 
 def number(
@@ -202,7 +202,7 @@ def decimal_mark(header: Sequence[str], rows: Sequence[Sequence[str]], *, comma_
         rows: cells, stripped.
         comma_possible: False where a comma parts the cells.
     """
-    names = [place for place, name in enumerate(header) if place == 0 or _normal(name) in _NAMES]
+    names = [place for place, name in enumerate(header) if place == 0 or normal(name) in _NAMES]
     others = [place for place in range(len(header)) if place not in names]
     lines = ["\n".join(cells) for cells in rows]
     has = {mark: any(mark in line for line in lines) for mark in ".,"}
@@ -278,7 +278,12 @@ def quoted(text: str) -> str:
     return f"'{printable(text if len(text) <= 60 else text[:57] + '...', lines=False)}'"
 
 
-def _normal(name: str) -> str:
+def normal(name: str) -> str:
+    """A name as it is compared: without capitals; spaces, hyphens and underscores are alike.
+
+    Args:
+        name: of a column, or of what a row is about.
+    """
     return re.sub(r"[\s_\-‐-―]+", "_", name.casefold())
 
 

@@ -6,13 +6,14 @@ them) and the column. `p2l.team.sheets` says which files are tables.
 
 from __future__ import annotations
 
-import difflib
+from itertools import repeat
 from pathlib import Path
 
 import numpy as np
 
 from p2l.errors import ConfigError, InputError, ShapeError
 from p2l.records import Array
+from p2l.team.columns import distinct_names, known_columns, likeness, probabilities
 from p2l.team.problem import ORDERS, Order, Problem
 from p2l.team.sheets import STANDARD_INPUT, Sheet, number, probability, read_sheet
 
@@ -54,8 +55,10 @@ def read_problem(orders_csv: Path | str, transfer_csv: Path | str, order: Order 
     if str(orders_csv) == str(transfer_csv) == STANDARD_INPUT:
         raise InputError.at("standard input", None, None, "can be read once; give a file for one of the tables")
     sheet = read_sheet(orders_csv)
-    at = _columns(sheet)
-    tasks = _names(sheet, [(line, cells[at["task"]]) for line, cells in sheet.rows], sheet.header[at["task"]], "task")
+    at = known_columns(sheet, _KNOWN, _NEEDED)
+    tasks = distinct_names(
+        sheet, [(line, cells[at["task"]]) for line, cells in sheet.rows], sheet.header[at["task"]], "task"
+    )
     costs = {
         name: np.array([number(sheet, line, sheet.header[at[name]], cells[at[name]]) for line, cells in sheet.rows])
         for name in _COSTS
@@ -71,28 +74,16 @@ def read_problem(orders_csv: Path | str, transfer_csv: Path | str, order: Order 
         raise InputError.at(sheet.name, None, None, str(error)) from error
 
 
-def _columns(sheet: Sheet) -> dict[str, int]:
-    """Place of each known column; one that is missing is refused, and so is another that may be meant for it."""
-    at = sheet.columns(_KNOWN)
-    others = {name.casefold(): name for name in sheet.extra(_KNOWN)}
-    for name in (each for each in _KNOWN if each not in at):
-        if close := difflib.get_close_matches(name, list(others), n=1, cutoff=0.8):
-            problem = f"unknown column; write '{name}' if that is meant, or else a name that is less like it"
-            raise InputError.at(sheet.name, sheet.header_line, others[close[0]], problem)
-        if name in _NEEDED:
-            raise InputError.at(sheet.name, sheet.header_line, name, "column is missing; every task needs it")
-    return at
-
-
 def _transfer(sheet: Sheet, tasks: tuple[str, ...], orders: str) -> Array:
     """[n, n] of the tasks that have an order."""
     first = sheet.header_line
-    tested = _names(sheet, [(first, name) for name in sheet.header[1:]], None, "tested task")
-    taught = _names(sheet, [(line, cells[0]) for line, cells in sheet.rows], sheet.header[0] or None, "taught task")
+    tested = distinct_names(sheet, [(first, name) for name in sheet.header[1:]], None, "tested task")
+    taught = distinct_names(
+        sheet, [(line, cells[0]) for line, cells in sheet.rows], sheet.header[0] or None, "taught task"
+    )
     for found, row, side in ((tested, first, "column"), (taught, None, "row")):
         if missing := sorted(set(tasks) - set(found), key=tasks.index):
-            close = difflib.get_close_matches(missing[0], set(found) - set(tasks), n=1, cutoff=0.8)
-            hint = f"; is it '{close[0]}'?" if close else "; add it"
+            hint = likeness(missing[0], set(found) - set(tasks), "; add it")
             raise InputError.at(sheet.name, row, None, f"has no {side} for task '{missing[0]}' of {orders}{hint}")
     place = {name: index for index, name in enumerate(tasks)}
     used = [at for at, name in enumerate(tested) if name in place]
@@ -105,37 +96,5 @@ def _transfer(sheet: Sheet, tasks: tuple[str, ...], orders: str) -> Array:
             texts = list(cells[1:]) if len(used) == len(tested) else [cells[1 + at] for at in used]
             if texts[own[name]] in _UNUSED:
                 texts[own[name]] = "1"  # no plan depends on it
-            table[place[name], columns] = _probabilities(sheet, line, names, texts)
+            table[place[name], columns] = probabilities(sheet, zip(repeat(line), names, strict=False), texts)
     return table
-
-
-def _probabilities(sheet: Sheet, line: int, tasks: tuple[str, ...], texts: list[str]) -> Array:
-    """One row at once; cell by cell only where that is not enough, and to find out what is wrong."""
-    joined, plain = "\n".join(texts), texts
-    if sheet.decimal_comma or "%" in joined:
-        joined = joined.replace(" %", "%").replace("%", "e-2")
-        joined = joined.replace(".", "_").replace(",", ".") if sheet.decimal_comma else joined  # a point is refused
-        plain = joined.split("\n")
-    try:
-        is_plain = joined.isascii() and "_" not in joined  # Python reads more than these as numbers
-        values = np.fromiter(map(float, plain if is_plain else ()), dtype=np.float64)
-    except ValueError:
-        values = np.empty(0)
-    if len(values) == len(texts) and bool(((values >= 0.0) & (values <= 1.0)).all()):
-        return values
-    return np.array([probability(sheet, line, name, text) for name, text in zip(tasks, texts, strict=True)])
-
-
-def _names(sheet: Sheet, cells: list[tuple[int, str]], column: str | None, what: str) -> tuple[str, ...]:
-    if not cells:
-        raise InputError.at(sheet.name, None, None, "has a header but no tasks; add one row per task")
-    earlier: set[str] = set()
-    for line, name in cells:
-        if not name:
-            raise InputError.at(sheet.name, line, column, f"a {what} has no name; name it")
-        if any(ord(each) < 32 or 127 <= ord(each) < 160 for each in name):
-            raise InputError.at(sheet.name, line, column, f"{what} {name!r} holds a control character; remove it")
-        if name in earlier:
-            raise InputError.at(sheet.name, line, column, f"{what} '{name}' appears twice; keep one")
-        earlier.add(name)
-    return tuple(name for _, name in cells)

@@ -1,0 +1,160 @@
+"""The form of a transfer table, its lessons and their cost; `measurements` reads the probabilities.
+
+Lessons are what the table has rows for. Those that are none of today's tasks can be given, too, if `c_demo` is known.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from p2l.errors import InputError
+from p2l.team.cells import normal
+from p2l.team.columns import ALIKE, check_name, distinct_names, known_columns
+from p2l.team.sheets import Sheet, number
+from p2l.team.shop.orders import Orders
+from p2l.text import guarded_cell
+
+_PAIR = ("taught", "tested")
+_MEANS = ("p", "probability", "mean")
+COUNTS = ("successes", "attempts")
+
+
+@dataclass(frozen=True)
+class TransferTable:
+    """A table whose probabilities are still text.
+
+    Attributes:
+        sheet: the table; None if a person has none.
+        at: places of known columns; of a table with a row per pair if it has `taught`.
+        taught: the lesson of each row.
+        c_demo: cost of a demonstration of each lesson, NaN where the table does not say it.
+    """
+
+    sheet: Sheet | None
+    at: Mapping[str, int]
+    taught: tuple[str, ...]
+    c_demo: Mapping[str, float]
+
+    @property
+    def name(self) -> str:
+        """Of the file."""
+        return "the transfer table" if self.sheet is None else Path(self.sheet.name).name
+
+
+def open_table(sheet: Sheet | None, orders: Orders) -> TransferTable:
+    """Find out the form of a table, its lessons and what they cost.
+
+    Args:
+        sheet: a header with `taught`, `tested` and `p` (or `probability`, `mean`, or `successes` and `attempts`), and
+            a row per pair; or a row per lesson and a column per task. In both, `c_demo` may be a column.
+        orders: of today.
+
+    Raises:
+        InputError: a misspelt column, a lesson without a name, or twice where it has one row; a table without any of
+            today's tasks; a cost that the orders or another row contradict.
+    """
+    if sheet is None:
+        return TransferTable(None, {}, (), {})
+    is_long = len(sheet.columns(_PAIR)) == len(_PAIR) and not set(_PAIR) & set(orders.tasks)
+    at = _long_columns(sheet) if is_long else _wide_columns(sheet, orders)
+    place = at["taught"] if is_long else 0
+    column = sheet.header[place] or None
+    cells = [(line, as_ordered(row[place], orders.tasks)) for line, row in sheet.rows]
+    if is_long:
+        for line, name in cells:
+            check_name(sheet, line, column, "lesson", name)
+    else:
+        distinct_names(sheet, cells, column, "taught task")
+    refuse_other_spellings([(line, column, name) for line, name in cells], sheet, orders.tasks)
+    taught = tuple(name for _, name in cells)
+    return TransferTable(sheet, at, taught, _costs(sheet, at.get("c_demo"), taught, orders))
+
+
+def as_ordered(name: str, tasks: Collection[str]) -> str:
+    """A name without the apostrophe that our own tables put before what a spreadsheet would run.
+
+    Args:
+        name: in a table.
+        tasks: names as the orders have them.
+    """
+    plain = name[1:]
+    return plain if name not in tasks and plain in tasks and guarded_cell(plain) == name else name
+
+
+def refuse_other_spellings(cells: Iterable[tuple[int, str | None, str]], sheet: Sheet, tasks: tuple[str, ...]) -> None:
+    """Refuse "Lid" where "lid" is meant: a gap would be filled, and nobody would know.
+
+    Args:
+        cells: (line, column, name).
+        sheet: that they are of.
+        tasks: names as the orders have them.
+
+    Raises:
+        InputError: a task is missing, and a name is the same but for capitals, spaces, hyphens and underscores.
+    """
+    given: dict[str, tuple[int, str | None]] = {}
+    for line, column, name in cells:
+        given.setdefault(name, (line, column))
+    lost = {normal(task): task for task in tasks if task not in given}
+    for name in given if lost else ():
+        if name not in tasks and (task := lost.get(normal(name))):
+            problem = f"'{name}' is '{task}' in the orders; write it alike"
+            raise InputError.at(sheet.name, *given[name], problem)
+
+
+def _long_columns(sheet: Sheet) -> dict[str, int]:
+    known = (*_PAIR, "robot", "c_demo")
+    at = known_columns(sheet, known, _PAIR, "pair")
+    means, counts = sheet.columns(_MEANS), sheet.columns(COUNTS)
+    if len(means) > 1:
+        first, second, *_ = means
+        problem = f"means '{first}', and so does '{second}'; keep one"
+        raise InputError.at(sheet.name, sheet.header_line, sheet.header[means[first]], problem)
+    if means:
+        return {**at, "p": next(iter(means.values())), **sheet.columns(("n",))}
+    if not counts:
+        close = [name for name in sheet.extra(known) if difflib.get_close_matches(normal(name), (*_MEANS, *COUNTS))]
+        hint = f"; is it '{close[0]}'?" if close else ""
+        raise InputError.at(sheet.name, sheet.header_line, "p", f"column is missing; every pair needs it{hint}")
+    return {**at, **known_columns(sheet, COUNTS, COUNTS, "pair")}
+
+
+def _wide_columns(sheet: Sheet, orders: Orders) -> dict[str, int]:
+    place = {} if "c_demo" in orders.tasks else sheet.columns(("c_demo",))
+    tested = [(sheet.header_line, as_ordered(name, orders.tasks)) for name in sheet.header]
+    names = distinct_names(
+        sheet, [cell for at, cell in enumerate(tested) if at not in (0, place.get("c_demo"))], None, "tested task"
+    )
+    refuse_other_spellings([(sheet.header_line, name, name) for name in names], sheet, orders.tasks)
+    others = [name for name in names if name not in orders.tasks]
+    if not place and (close := difflib.get_close_matches("c_demo", others, n=1, cutoff=ALIKE)):
+        problem = "unknown column; write 'c_demo' if that is meant, or else a name that is less like it"
+        raise InputError.at(sheet.name, sheet.header_line, close[0], problem)
+    if len(others) == len(names):
+        problem = f"no column is for a task of {Path(orders.name).name}; give one for each, or columns taught,tested,p"
+        raise InputError.at(sheet.name, sheet.header_line, None, problem)
+    return place
+
+
+def _costs(sheet: Sheet, place: int | None, taught: Sequence[str], orders: Orders) -> dict[str, float]:
+    costs = dict.fromkeys(taught, np.nan)
+    if place is None:
+        return costs
+    written: dict[str, str] = {}
+    known = {task: float(cost) for task, cost in zip(orders.tasks, orders.c_demo, strict=True)}
+    column = sheet.header[place]
+    for (line, cells), name in zip(sheet.rows, taught, strict=True):
+        if not cells[place]:
+            continue
+        cost = number(sheet, line, column, cells[place])
+        if cost != known.setdefault(name, cost):
+            where = f"'{written[name]}' in an earlier row" if name in written else f"{known[name]:g} in the orders"
+            raise InputError.at(sheet.name, line, column, f"{cost:g} for '{name}', which costs {where}; keep one")
+        written[name] = cells[place]
+        costs[name] = cost
+    return costs

@@ -1,0 +1,169 @@
+"""Probabilities of a transfer table: square, lessons by tasks, or a row per pair; with gaps, and for several robots."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from itertools import repeat
+
+import numpy as np
+
+from p2l.errors import InputError
+from p2l.records import Array, BoolArray, IntArray
+from p2l.team.columns import check_name, likeness, probabilities
+from p2l.team.sheets import Sheet, number, whole_number
+from p2l.team.shop.lessons import COUNTS, TransferTable, as_ordered, refuse_other_spellings
+
+ABSENT = frozenset(("", "-", "–", "—", "na", "n/a", "#n/a"))
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What a table says of L lessons and n tasks; NaN where it says nothing.
+
+    Attributes:
+        general: [L, n] of any robot.
+        own: [L, n] of the robots that have rows of their own.
+        remarks: what was assumed.
+    """
+
+    general: Array
+    own: Mapping[int, Array]
+    remarks: tuple[str, ...]
+
+
+def read_probabilities(
+    table: TransferTable, lessons: tuple[str, ...], tasks: tuple[str, ...], robots: tuple[str, ...]
+) -> Measured:
+    """The probabilities of lessons that can be given on today's tasks; other cells are not looked at.
+
+    Args:
+        table: of transfer.
+        lessons: L names.
+        tasks: n names.
+        robots: R names.
+
+    Raises:
+        InputError: a cell that is no probability; a robot that is none of `robots`.
+    """
+    if table.sheet is None:
+        return Measured(np.full((len(lessons), len(tasks)), np.nan), {}, ())
+    if "taught" in table.at:
+        return _long(table, table.sheet, lessons, tasks, robots)
+    return Measured(_wide(table, table.sheet, lessons, tasks), {}, ())
+
+
+def _wide(table: TransferTable, sheet: Sheet, lessons: tuple[str, ...], tasks: tuple[str, ...]) -> Array:
+    values = np.full((len(lessons), len(tasks)), np.nan)
+    place = {name: at for at, name in enumerate(tasks)}
+    tested = {
+        as_ordered(name, tasks): at for at, name in enumerate(sheet.header) if at != table.at.get("c_demo") and at
+    }
+    names = [name for name in tested if name in place]
+    columns, used = np.array([place[name] for name in names]), [tested[name] for name in names]
+    own, of_lesson = {name: at for at, name in enumerate(names)}, {name: at for at, name in enumerate(lessons)}
+    for (line, cells), name in zip(sheet.rows, table.taught, strict=True):
+        if name in of_lesson:
+            texts = [cells[at] for at in used]
+            is_open = name in own and texts[own[name]].casefold() in ABSENT
+            if is_open:  # a usual gap, and no reason to look at each cell
+                texts[own[name]] = "0"
+            values[of_lesson[name], columns] = probabilities(
+                sheet, zip(repeat(line), names, strict=False), texts, ABSENT
+            )
+            if is_open:
+                values[of_lesson[name], place[name]] = np.nan
+    return values
+
+
+def _long(
+    table: TransferTable, sheet: Sheet, lessons: tuple[str, ...], tasks: tuple[str, ...], robots: tuple[str, ...]
+) -> Measured:
+    """Measurements of one pair are pooled: the mean of p, by `n`, or all successes by all attempts."""
+    at = table.at
+    column = sheet.header[at["tested"]]
+    tested = []
+    for line, cells in sheet.rows:
+        check_name(sheet, line, column, "tested task", cells[at["tested"]])
+        tested.append(as_ordered(cells[at["tested"]], tasks))
+    refuse_other_spellings(zip((line for line, _ in sheet.rows), repeat(column), tested, strict=False), sheet, tasks)
+    if tested and not set(tested) & set(tasks):
+        raise InputError.at(sheet.name, None, column, "no row is for a task of the orders; give one for each pair")
+    of_lesson, of_task = ({name: k for k, name in enumerate(names)} for names in (lessons, tasks))
+    used = [
+        row
+        for row, pair in enumerate(zip(table.taught, tested, strict=True))
+        if pair[0] in of_lesson and pair[1] in of_task
+    ]
+    robot = _robots(sheet, at.get("robot"), used, robots)
+    pair = np.array([of_lesson[table.taught[row]] * len(tasks) + of_task[tested[row]] for row in used], dtype=np.int64)
+    share, weight = _measurements(sheet, at, used)
+    is_known = ~np.isnan(share) & (weight > 0.0)
+    remarks: list[str] = []
+    means: dict[int, Array] = {}
+    for each in sorted({-1, *map(int, robot)}):
+        mine = is_known & (robot == each)
+        means[each], is_pooled = _pooled(pair[mine], share[mine], weight[mine], len(lessons) * len(tasks))
+        if is_pooled.any():
+            whose = f" of robot '{robots[each]}'" if each >= 0 else ""
+            how = ", weighted by n" if "n" in at else ", all successes by all attempts" if "p" not in at else ""
+            remarks.append(
+                f"{is_pooled.sum()} of the pairs{whose} are in {table.name} more than once; their mean is taken{how}"
+            )
+    shaped = {each: mean.reshape(len(lessons), len(tasks)) for each, mean in means.items()}
+    return Measured(shaped.pop(-1), shaped, tuple(remarks))
+
+
+def _robots(sheet: Sheet, place: int | None, used: Sequence[int], robots: tuple[str, ...]) -> IntArray:
+    """Robot of each row, -1 for all of them."""
+    of = {"": -1, **{name: each for each, name in enumerate(robots)}}
+    found = np.full(len(used), -1, dtype=np.int64)
+    for row in range(len(used)) if place is not None else ():
+        line, cells = sheet.rows[used[row]]
+        if (name := cells[place]) not in of:
+            known = "; give it a row in a table of robots"
+            raise InputError.at(
+                sheet.name, line, sheet.header[place], f"'{name}' is no robot{likeness(name, robots, known)}"
+            )
+        found[row] = of[name]
+    return found
+
+
+def _measurements(sheet: Sheet, at: Mapping[str, int], used: Sequence[int]) -> tuple[Array, Array]:
+    """p, NaN if not known, and weight of each row."""
+    rows = [sheet.rows[row] for row in used]
+    if "p" in at:
+        place = at["p"]
+        column = sheet.header[place]
+        places = ((line, column) for line, _ in rows)
+        share = probabilities(sheet, places, [cells[place] for _, cells in rows], ABSENT)
+        if "n" not in at:
+            return share, np.ones(len(rows))
+        place, column = at["n"], sheet.header[at["n"]]
+        weights = [number(sheet, line, column, cells[place], never=False, empty=1.0) for line, cells in rows]
+        return share, np.array(weights, dtype=np.float64)
+    good, all_of = (at[name] for name in COUNTS)
+    share, weight = np.full(len(rows), np.nan), np.zeros(len(rows))
+    for row, (line, cells) in enumerate(rows):
+        if cells[good].casefold() in ABSENT and cells[all_of].casefold() in (*ABSENT, "0"):
+            continue
+        successes = whole_number(sheet, line, sheet.header[good], cells[good])
+        attempts = whole_number(sheet, line, sheet.header[all_of], cells[all_of])
+        if successes > attempts:
+            problem = f"{successes} successes of {attempts} attempts; give at most as many"
+            raise InputError.at(sheet.name, line, sheet.header[good], problem)
+        if attempts:
+            share[row], weight[row] = successes / attempts, attempts
+    return share, weight
+
+
+def _pooled(pair: IntArray, share: Array, weight: Array, pairs: int) -> tuple[Array, BoolArray]:
+    """[pairs] mean, NaN where there is none, and whether it is of several rows."""
+    rows, weights = np.bincount(pair, minlength=pairs), np.bincount(pair, weight, minlength=pairs)
+    sums = np.bincount(pair, weight * share, minlength=pairs)
+    mean = np.full(pairs, np.nan)
+    np.divide(sums, weights, out=mean, where=weights > 0.0)
+    mean = np.minimum(mean, 1.0)
+    alone = rows[pair] == 1
+    mean[pair[alone]] = share[alone]  # to the bit
+    return mean, rows > 1

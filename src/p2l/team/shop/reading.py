@@ -1,0 +1,279 @@
+"""A person's own day as a `Shop`: tables of orders, transfer, robots and a partial order, with whatever they leave out.
+
+Reading stops at the first thing that is wrong, with one message that names the file, the row and the column. What had
+to be assumed is said in `Reading.remarks`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from p2l.errors import ConfigError, InputError, ShapeError
+from p2l.records import Array, BoolArray, freeze
+from p2l.team.columns import likeness
+from p2l.team.sheets import STANDARD_INPUT, read_sheet
+from p2l.team.shop.lessons import TransferTable, open_table
+from p2l.team.shop.measurements import Measured, read_probabilities
+from p2l.team.shop.orders import Orders, listed, read_orders
+from p2l.team.shop.outcome import attempt_cost
+from p2l.team.shop.record import SHOP_ORDERS, Choice, Shop, ShopOrder
+from p2l.team.shop.reduction import outside_costs, too_late
+from p2l.team.shop.robots import Robots, read_before, read_robots
+
+Filling = Callable[[tuple[str, ...], tuple[str, ...]], Array]
+
+
+@dataclass(frozen=True)
+class Reading:
+    """What a person's tables say.
+
+    Attributes:
+        shop: the day.
+        remarks: what was assumed, a sentence each.
+        extra: columns of the orders that are not ours: n cells of each, by its name as written.
+        family: [n] family of each task, '' where it has none; None if the orders have no such column.
+    """
+
+    shop: Shop
+    remarks: tuple[str, ...]
+    extra: Mapping[str, tuple[str, ...]]
+    family: tuple[str, ...] | None
+
+
+def read_shop(
+    orders: Path | str,
+    transfer: Path | str | None,
+    *,
+    before: Path | str | None = None,
+    robots: Path | str | None = None,
+    order: ShopOrder = "fixed",
+    max_lessons: float = math.inf,
+    max_teaching: float = math.inf,
+    fill: float | None = None,
+    filling: Filling | None = None,
+) -> Reading:
+    r"""Read a day.
+
+    Args:
+        orders: a table that `orders.read_orders` describes.
+        transfer: a table that `lessons.open_table` describes, with gaps or without; None if there is none.
+        before: a table that `robots.read_before` describes. Work is then in any order that keeps it, whatever `order`.
+        robots: a table that `robots.read_robots` describes; None for one robot, named "robot".
+        order: "fixed", "any" or "partial".
+        max_lessons: as in `Shop`.
+        max_teaching: as in `Shop`.
+        fill: probability of the pairs that the transfer table does not have.
+        filling: model of these pairs, which `fill` is not asked for then: names of K lessons and of M tasks to [K, M]
+            probabilities.
+
+    Raises:
+        InputError: a table that cannot be read, holds what it should not, or lacks what a plan needs; a task that
+            nobody can do or teach.
+        ConfigError: an unknown order, a limit below 0, a fill that is no probability.
+        ShapeError: `filling` does not give what it should.
+
+    Example:
+        >>> from pathlib import Path
+        >>> from tempfile import TemporaryDirectory
+        >>> from p2l.team.shop import read_shop
+        >>> with TemporaryDirectory() as folder:
+        ...     orders, transfer = Path(folder) / "orders.csv", Path(folder) / "transfer.csv"
+        ...     _ = orders.write_text("task,c_rob,c_hum,c_fail,c_demo,count\npeg,1,9,9,12,3\nlid,1,9,9,12,1\n")
+        ...     _ = transfer.write_text("taught,tested,p\npeg,peg,0.9\npeg,lid,0.5\n")
+        ...     day = read_shop(orders, transfer, order="any", fill=0)
+        >>> day.shop.transfer[0].tolist(), day.remarks
+        ([[0.9, 0.5], [0.0, 1.0]], ('1 of 3 pairs has no value in transfer.csv; taken as 0 (fill=0)',))
+    """
+    _check_settings(order, max_lessons, max_teaching, fill)
+    if sum(str(each) == STANDARD_INPUT for each in (orders, transfer, before, robots)) > 1:
+        raise InputError.at("standard input", None, None, "can be read once; give files for the other tables")
+    today = read_orders(read_sheet(orders))
+    table = open_table(None if transfer is None else read_sheet(transfer), today)
+    others = {name: cost for name, cost in table.c_demo.items() if name not in today.tasks}
+    team = read_robots(None if robots is None else read_sheet(robots), today, others)
+    arcs = None if before is None else read_before(read_sheet(before), today.tasks)
+    lessons, c_demo, remarks = _lessons(today, table, team)
+    measured = read_probabilities(table, lessons, today.tasks, team.names)
+    try:
+        shop = Shop(
+            tasks=today.tasks,
+            robots=team.names,
+            lessons=lessons,
+            completes=np.append(np.arange(len(today.tasks)), np.full(len(lessons) - len(today.tasks), -1)),
+            count=today.count,
+            c_hum=today.c_hum,
+            c_rob=team.c_rob,
+            c_fail=team.c_fail,
+            pretrained=team.pretrained,
+            c_demo=c_demo,
+            transfer=np.zeros((len(team.names), len(lessons), len(today.tasks))),
+            choice=today.choice,
+            order=order if arcs is None else "partial",
+            before=arcs,
+            max_lessons=max_lessons,
+            max_teaching=max_teaching,
+        )
+    except ShapeError as error:
+        raise InputError.at(today.name, None, None, str(error)) from error
+    values, gaps = _complete(shop, table, measured, fill, filling)
+    shop = replace(shop, transfer=_scaled(shop, values, measured, team, today))
+    _refuse_impossible(shop, today)
+    if measured.own and (team.skill < 1.0).any():
+        remarks += ("skill lowers what is measured with no robot in particular; rows of a robot are taken as they are",)
+    return Reading(
+        shop=shop,
+        remarks=(*today.remarks, *team.remarks, *remarks, *measured.remarks, *gaps),
+        extra=today.extra,
+        family=today.family,
+    )
+
+
+def _check_settings(order: str, max_lessons: float, max_teaching: float, fill: float | None) -> None:
+    if order not in SHOP_ORDERS:
+        raise ConfigError(f"order: '{order}' is unknown; use one of {list(SHOP_ORDERS)}")
+    for name, value in (("max_lessons", max_lessons), ("max_teaching", max_teaching)):
+        if not value >= 0.0:
+            raise ConfigError(f"{name}: {value} given; expected a number of at least 0")
+    if fill is not None and not 0.0 <= fill <= 1.0:
+        raise ConfigError(f"fill: {fill} given; expected a probability in [0, 1]")
+
+
+def _lessons(orders: Orders, table: TransferTable, team: Robots) -> tuple[tuple[str, ...], Array, tuple[str, ...]]:
+    """Names of the L lessons, [R, L] what they cost, and what is to be said of those that are on none of the tasks."""
+    n = len(orders.tasks)
+    others = [name for name in table.c_demo if name not in orders.tasks]
+    demos = np.concatenate([orders.demos, np.ones(len(others))])
+    c_demo = np.where(team.teachable & ~np.isnan(team.c_demo), team.c_demo, np.inf) * demos
+    kept = [each for each in range(n, n + len(others)) if np.isfinite(c_demo[:, each]).any()]
+    unknown = [others[each - n] for each in range(n, n + len(others)) if np.isnan(team.c_demo[:, each]).all()]
+    names = [others[each - n] for each in kept]
+    remarks = []
+    if names:
+        what = "lesson is" if len(names) == 1 else "lessons are"
+        remarks.append(f"{len(names)} {what} in {table.name} and not among the tasks; taught first ({listed(names)})")
+    if unknown:
+        what = "lesson is" if len(unknown) == 1 else "lessons are"
+        text = f"{len(unknown)} {what} in {table.name} and not among the tasks, without c_demo; left out"
+        remarks.append(f"{text} ({listed(unknown)})")
+    return (*orders.tasks, *names), c_demo[:, [*range(n), *kept]], tuple(remarks)
+
+
+def _complete(
+    shop: Shop, table: TransferTable, measured: Measured, fill: float | None, filling: Filling | None
+) -> tuple[Array, tuple[str, ...]]:
+    """[R, L, n] values for all pairs, and what was assumed."""
+    values = np.repeat(measured.general[None], len(shop.robots), 0)
+    for robot, own in measured.own.items():
+        values[robot] = np.where(np.isnan(own), values[robot], own)
+    missing = np.isnan(values)
+    if not missing.any():
+        return values, ()
+    needed = _useful(shop)
+    gap = (missing & needed).any(axis=0)
+    default: Array = np.full(gap.shape, 0.0 if fill is None else fill)
+    remarks: tuple[str, ...] = ()
+    if gap.any():
+        default, remarks = _default(shop, table, gap, int(needed.any(axis=0).sum()), fill, filling)
+    values = np.where(missing, default[None], values)
+    own = np.arange(shop.n)
+    unused = missing[:, own, own] & ~needed[:, own, own]
+    values[:, own, own] = np.where(unused, 1.0, values[:, own, own])
+    return values, remarks
+
+
+def _default(
+    shop: Shop, table: TransferTable, gap: BoolArray, pairs: int, fill: float | None, filling: Filling | None
+) -> tuple[Array, tuple[str, ...]]:
+    """[L, n] values where there is a gap, and where they are from."""
+    many = f"{gap.sum()} of {pairs} pairs"
+    if fill is None and filling is None:
+        k, i = np.argwhere(gap)[0].tolist()
+        lesson, task = shop.lessons[k], shop.tasks[i]
+        first = "that of" if gap.sum() == 1 else "the first of which is"
+        close = (
+            ""
+            if lesson in table.c_demo
+            else likeness(lesson, [each for each in table.c_demo if each not in shop.tasks])
+        )
+        ways = "give it, or fill=0 (such a lesson does not help), or features=<table of the tasks> to predict it"
+        problem = f"has no value for {many}, {first} '{lesson}' taught and '{task}' tested{close}; {ways}"
+        raise InputError.at(table.name if table.sheet is None else table.sheet.name, None, None, problem)
+    default = np.full(gap.shape, 0.0 if fill is None else fill)
+    source = f"taken as {fill:g} (fill={fill:g})" if filling is None else "predicted"
+    if filling is not None:
+        rows, columns = np.flatnonzero(gap.any(axis=1)), np.flatnonzero(gap.any(axis=0))
+        lessons, tasks = tuple(shop.lessons[k] for k in rows), tuple(shop.tasks[i] for i in columns)
+        sizes = {"K": len(rows), "M": len(columns)}
+        predicted = freeze("filling", filling(lessons, tasks), ("K", "M"), sizes, low=0.0, high=1.0)
+        default[np.ix_(rows, columns)] = predicted
+    has = "has" if gap.sum() == 1 else "have"
+    remarks = [f"{many} {has} no value in {table.name}; {source}"]
+    own = np.arange(shop.n)
+    if (copies := gap[own, own]).any():
+        names = listed([shop.tasks[each] for each in np.flatnonzero(copies)])
+        remarks.append(f"among them how probably a lesson does the other copies of its own task ({names})")
+    return default, tuple(remarks)
+
+
+def _useful(shop: Shop) -> BoolArray:
+    """[R, L, n] pairs that a plan may use: the lesson can be given and comes in time, the task can be attempted."""
+    can_teach = np.isfinite(shop.c_demo)
+    can_teach[:, : shop.n] &= (shop.choice == Choice.FREE) | (shop.choice == Choice.LEARN)
+    can_act = np.isfinite(shop.c_rob) & (shop.choice != Choice.DELEGATE)
+    can_act &= (shop.choice != Choice.LEARN) | (shop.count > 1)
+    useful: BoolArray = can_teach[:, :, None] & can_act[:, None, :]
+    useful[:, : shop.n] &= ~too_late(shop)
+    own = np.arange(shop.n)
+    useful[:, own, own] &= shop.count > 1
+    return useful
+
+
+def _scaled(shop: Shop, values: Array, measured: Measured, team: Robots, orders: Orders) -> Array:
+    """[R, L, n] probabilities of these robots, after as many demonstrations as are given."""
+    skill = np.repeat(team.skill[:, None, :], len(shop.lessons), 1) if measured.own else team.skill[:, None, :]
+    for robot, own in measured.own.items():
+        skill[robot][~np.isnan(own)] = 1.0
+    learnt = np.append(orders.learnt, np.ones(len(shop.lessons) - shop.n))
+    scaled: Array = values * skill * learnt[:, None]
+    return scaled
+
+
+def _refuse_impossible(shop: Shop, orders: Orders) -> None:
+    """A plan that gives every lesson does all tasks, unless one of them has no way at all."""
+    task, _ = shop.groups
+    lost = np.flatnonzero(np.isinf(outside_costs(shop)))
+    can_teach = np.isfinite(shop.c_demo)
+    can_teach[:, : shop.n] &= (shop.choice == Choice.FREE) | (shop.choice == Choice.LEARN)
+    late = too_late(shop) if len(lost) else np.zeros((shop.n, shop.n), dtype=bool)
+    for group in lost.tolist():
+        each, is_first = int(task[group]), group < shop.n
+        choice = Choice(int(shop.choice[each]))
+        if is_first and can_teach[:, each].any():
+            continue
+        in_time = can_teach.copy()
+        in_time[:, : shop.n] &= ~late[:, each]
+        best = np.where(in_time, shop.transfer[:, :, each], -1.0).max(axis=1)
+        robots = np.arange(len(shop.robots))
+        attempts = attempt_cost(shop, robots, np.full(len(robots), each), np.maximum(best, 0.0))
+        can_act = choice != Choice.DELEGATE and not (is_first and choice == Choice.LEARN)
+        if can_act and bool((np.isfinite(attempts) & (best >= 0.0)).any()):
+            continue
+        name = f"task '{shop.tasks[each]}'" if is_first else f"task '{shop.tasks[each]}', after its first copy,"
+        why = {
+            Choice.DELEGATE: "is to be delegated, and the person cannot do it; give a finite c_hum",
+            Choice.LEARN: "is to be taught, and cannot be; give a finite c_demo, and do not say teachable=no",
+            Choice.ACT: "is to be attempted, and no attempt is possible, with no lesson that comes in time; give a "
+            "finite c_rob and c_fail",
+        }
+        problem = (
+            "cannot be done: nobody can do or teach it, and no lesson that comes in time makes an attempt possible"
+        )
+        is_free = choice not in why or (choice == Choice.LEARN and not is_first)
+        text = f"{problem}; give it a finite cost" if is_free else why[choice]
+        column = None if is_free else orders.decision
+        raise InputError.at(orders.name, orders.lines[each], column, f"{name} {text}")
