@@ -1,8 +1,9 @@
-"""Text from outside, made harmless where it goes: to a terminal, or into a cell of a spreadsheet."""
+"""Text from outside, made harmless where it goes: to a terminal, a cell of a spreadsheet, a figure or a page."""
 
 from __future__ import annotations
 
 _FORMULA = ("=", "+", "-", "@", "\t", "\r")
+_SPACES_AND_JOINERS = frozenset("\u00a0\u3000\u200c\u200d")  # that names in Persian, Hindi, Chinese or emoji need
 
 
 def printable(text: str, *, lines: bool = True) -> str:
@@ -14,6 +15,17 @@ def printable(text: str, *, lines: bool = True) -> str:
         lid \x1b[31mred
     """
     return "".join(each if each.isprintable() or (lines and each == "\n") else repr(each)[1:-1] for each in text)
+
+
+def drawable(text: str) -> str:
+    r"""`text` in one line for a figure or a page: as `printable`, but for what scripts need within a word.
+
+    Example:
+        >>> from p2l.text import drawable
+        >>> print(drawable("a\nb\u202ec"))
+        a\nb\u202ec
+    """
+    return "".join(each if each in _SPACES_AND_JOINERS else printable(each, lines=False) for each in text)
 
 
 def guarded_cell(text: str) -> str:

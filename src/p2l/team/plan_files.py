@@ -253,18 +253,18 @@ def explain(problem: Problem, plan: Plan) -> str:
         name = printable(problem.tasks[lesson], lines=False)
         rows.append((name, f"{problem.c_demo[lesson]:,.1f}", listing or "itself only", *numbers))
     counts = ", ".join(f"{plan.count(kind)} {kind.name.lower()}" for kind in Decision)
-    total = f"Expected cost {plan.objective:,.1f} ({_proof(plan)}); without any lesson {alone:,.1f}. {counts}."
+    proof = proof_text(plan.status, plan.objective, plan.lower_bound)
+    total = f"Expected cost {plan.objective:,.1f} ({proof}); without any lesson {alone:,.1f}. {counts}."
     return total + "\n" + (_columns(rows) if len(rows) > 1 else "No lesson pays for itself.")
 
 
-def _proof(plan: Plan) -> str:
-    """How far the plan can be from the best one; `plan.gap` is relative to the plan, so it would say too little."""
-    if plan.status == "optimal":
+def proof_text(status: Status, objective: float, lower_bound: float) -> str:
+    """How far a plan can be from the best one; its `gap` is relative to the plan, so it would say too little."""
+    if status == "optimal":
         return "proven optimal"
-    if plan.lower_bound > 0.0:
-        excess = (plan.objective - plan.lower_bound) / plan.lower_bound
-        return f"{plan.status}, at most {excess:.2%} above the optimum"
-    return f"{plan.status}, the optimum is at least {max(0.0, plan.lower_bound):,.1f}"  # no cost is negative
+    if lower_bound > 0.0:
+        return f"{status}, at most {(objective - lower_bound) / lower_bound:.2%} above the optimum"
+    return f"{status}, the optimum is at least {max(0.0, lower_bound):,.1f}"  # no cost is negative
 
 
 def _columns(rows: Sequence[Sequence[str]]) -> str:

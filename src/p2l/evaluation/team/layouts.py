@@ -12,7 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import FancyArrowPatch, Rectangle
 
 from p2l.domains.insertion.layouts import CELL, CELLS, board_layout, grid_environments, grid_slots
-from p2l.evaluation.team.plan import COLOURS
+from p2l.evaluation.team.look import COLOURS
 from p2l.records import Array
 from p2l.team.problem import Decision
 

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from p2l.evaluation.style import COST, THESIS_METHODS, plain
 from p2l.evaluation.team.figures import cost_line, label_lines
 from p2l.evaluation.team.layouts import decision_legend, draw_board
-from p2l.evaluation.team.plan import COLOURS
+from p2l.evaluation.team.look import COLOURS
 from p2l.team.problem import Decision
 
 _ARCS = ("#882255", "#117733", "#332288", "#AA7700", "#007777", "#AA4499")  # one per lesson, in turn

@@ -14,13 +14,12 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from p2l.artifacts import atomic
+from p2l.evaluation.team.look import COLOURS, MEANING
 from p2l.records import Array, IntArray
 from p2l.team.problem import Decision, Plan, Problem
 
-COLOURS = {Decision.ACT: "#4477AA", Decision.DELEGATE: "#BBBBBB", Decision.LEARN: "#CC6677"}
-_MEANING = {Decision.ACT: "act (robot)", Decision.DELEGATE: "delegate (person)", Decision.LEARN: "learn (lesson)"}
-_ARCS = ("#882255", "#117733", "#332288", "#AA7700", "#007777", "#AA4499")  # one per lesson, in turn
-_NAME_LIMIT = 60  # up to so many tasks each has its name and a marker of its own
+ARC_COLOURS = ("#882255", "#117733", "#332288", "#AA7700", "#007777", "#AA4499")  # one per lesson, in turn
+NAME_LIMIT = 60  # up to so many tasks each has its name and a marker of its own
 _LONGEST = 18  # letters of a task name
 
 
@@ -34,7 +33,7 @@ def save_plan_figure(path: Path | str, problem: Problem, plan: Plan) -> None:
 
 def plan_figure(problem: Problem, plan: Plan) -> Figure:
     """The figure: arcs from each lesson to the attempts it serves above, the expected cost of each task below."""
-    with_names = problem.n <= _NAME_LIMIT
+    with_names = problem.n <= NAME_LIMIT
     figure = Figure(figsize=(float(np.clip(3.0 + 0.26 * problem.n, 7.0, 18.0)), 5.4), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True, height_ratios=(3, 2))
     place = np.empty(problem.n, dtype=np.int64)
@@ -52,10 +51,10 @@ def plan_figure(problem: Problem, plan: Plan) -> Figure:
     counts = ", ".join(f"{plan.count(kind)} {kind.name.lower()}" for kind in Decision)
     proof = "optimal" if plan.status == "optimal" else f"{plan.status}, gap {plan.gap:.2%}"
     above.set_title(f"Expected cost {plan.objective:,.1f} ({plan.planner}: {proof}) – {counts}", fontsize=10)
-    handles: list[Patch | Line2D] = [Patch(color=COLOURS[kind], label=_MEANING[kind]) for kind in Decision]
-    handles.append(Patch(**_failure_style(with_names), label="expected failure"))
+    handles: list[Patch | Line2D] = [Patch(color=COLOURS[kind], label=MEANING[kind]) for kind in Decision]
+    handles.append(Patch(**failure_style(with_names), label="expected failure"))
     if arcs:
-        handles.append(Line2D([], [], color=_ARCS[0], label="lesson pays for"))
+        handles.append(Line2D([], [], color=ARC_COLOURS[0], label="lesson pays for"))
     else:
         above.text(0.5, 0.5, "no lesson serves another task", transform=above.transAxes, ha="center", color="#666666")
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles), fontsize=8, frameon=False)
@@ -65,10 +64,10 @@ def plan_figure(problem: Problem, plan: Plan) -> Figure:
 def _draw_arcs(axes: Axes, plan: Plan, place: IntArray, with_names: bool) -> int:
     """Half circles squeezed to one height scale; returns how many there are."""
     lessons = plan.sequence[plan.decision[plan.sequence] == Decision.LEARN]
-    colour = {int(lesson): _ARCS[rank % len(_ARCS)] for rank, lesson in enumerate(lessons)}
+    colour = {int(lesson): ARC_COLOURS[rank % len(ARC_COLOURS)] for rank, lesson in enumerate(lessons)}
     users = np.flatnonzero((plan.decision == Decision.ACT) & (plan.skill >= 0))
     longest = max(1.0, float(np.abs(place[users] - place[plan.skill[users]]).max(initial=1)))
-    lines = [_arc(place[plan.skill[task]], place[task], longest) for task in users]
+    lines = [arc(place[plan.skill[task]], place[task], longest) for task in users]
     shades = [colour[int(plan.skill[task])] for task in users]
     many = len(users) > 150
     axes.add_collection(
@@ -84,7 +83,8 @@ def _draw_arcs(axes: Axes, plan: Plan, place: IntArray, with_names: bool) -> int
     return len(users)
 
 
-def _arc(start: int, end: int, longest: float) -> Array:
+def arc(start: float, end: float, longest: float) -> Array:
+    """[40, 2] a half circle from one place to another; the highest is that of the longest, with height 1."""
     angle = np.linspace(0.0, np.pi, 40)
     middle, radius = 0.5 * (start + end), 0.5 * (end - start)
     height = abs(end - start) / longest
@@ -103,11 +103,11 @@ def _draw_tasks(axes: Axes, plan: Plan, place: IntArray, with_names: bool) -> No
 def _draw_costs(axes: Axes, problem: Problem, plan: Plan, place: IntArray) -> None:
     act = plan.decision == Decision.ACT
     certain = np.where(act, problem.c_rob, plan.expected_cost)
-    width = 0.75 if problem.n <= _NAME_LIMIT else 1.0
+    width = 0.75 if problem.n <= NAME_LIMIT else 1.0
     for kind in Decision:
         mine = plan.decision == kind
         axes.bar(place[mine], certain[mine], width=width, color=COLOURS[kind])
-    style = _failure_style(problem.n <= _NAME_LIMIT)
+    style = failure_style(problem.n <= NAME_LIMIT)
     axes.bar(place[act], (plan.expected_cost - certain)[act], bottom=certain[act], width=width, **style)
     axes.set_ylabel("expected cost\n(unit of the given costs)")
     axes.spines[["right", "top"]].set_visible(False)
@@ -118,7 +118,8 @@ def _draw_costs(axes: Axes, problem: Problem, plan: Plan, place: IntArray) -> No
         axes.margins(y=0.15)
 
 
-def _failure_style(with_names: bool) -> dict[str, Any]:
+def failure_style(with_names: bool) -> dict[str, Any]:
+    """How the expected cost of failures is drawn: hatched where bars are wide enough."""
     if not with_names:
         return {"color": "#A9C4DD"}
     return {"facecolor": "white", "edgecolor": COLOURS[Decision.ACT], "hatch": "////", "linewidth": 0.6}
