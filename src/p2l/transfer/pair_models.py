@@ -1,0 +1,181 @@
+"""Models of transfer that a few trials can be fitted with; the thesis's network is one of them (section 3.3.2).
+
+Every model is a function of the tasks, the trials, the pairs that are asked about and what is believed beforehand.
+`rates` is the baseline: success by kind of pair. `logistic` and `gp` are Gaussian processes with the stated priors as
+their mean. `trees` and `net` are ensembles of `members`, each fitted with random weights of the tasks (the Bayesian
+bootstrap): a pair counts as the product of its two tasks' weights, since pairs that share a task are not independent.
+
+Deviations from the thesis: 1. Its network is fitted to counts of single pairs rather than to a full table. 2. Other
+models may replace it: some dozens of trials are few for a network.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special
+
+from p2l.records import Array
+from p2l.transfer.beliefs import Belief, BetaBelief, LatentBelief
+from p2l.transfer.few_trials import OTHER, Pairs, Prior, TaskTable, Trials, pairs_of
+from p2l.transfer.kernels import linear_kernel, smooth_kernel
+from p2l.transfer.processes import Kernel, belief_of, fit_process
+
+_TREES = 10  # of each member
+_CLIP = 0.02  # no forest is surer than this
+_HIDDEN, _EPOCHS, _RATE, _DECAY = 32, 200, 0.02, 0.1
+_GRID = 2.0 ** np.arange(-2.0, 5.0)  # multiples of the stated pseudo-count
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What a model works with besides the trials.
+
+    Attributes:
+        tasks: all of them.
+        prior: what is believed without trials.
+        members: of an ensemble.
+    """
+
+    tasks: TaskTable
+    prior: Prior
+    members: int = 60
+
+    @property
+    def group_rates(self) -> Array:
+        """[3] stated success by group of pairs."""
+        return self.prior.of_groups(self.tasks.family is not None)
+
+
+Model = Callable[[Setting, Trials, Pairs, np.random.Generator], Belief]
+
+
+def rates(setting: Setting, trials: Trials, query: Pairs, rng: np.random.Generator) -> BetaBelief:  # noqa: ARG001
+    """Success by kind of pair: the stated prior, its kind's other trials, then the pair's own trials.
+
+    How far pairs of one kind differ is the pseudo-count, which trials may change by their beta-binomial likelihood.
+    """
+    tried = pairs_of(setting.tasks, trials.taught, trials.tested)
+    count = setting.prior.pseudo_count
+    sums = [np.bincount(tried.group, each, OTHER + 1) for each in (trials.successes, trials.attempts)]
+
+    def means(pairs: Pairs, successes: Array, attempts: Array) -> Array:
+        stated = count * setting.group_rates[pairs.group]
+        return (stated + sums[0][pairs.group] - successes) / (count + sums[1][pairs.group] - attempts)
+
+    s, n = trials.successes.astype(np.float64), trials.attempts.astype(np.float64)
+    m = means(tried, s, n)
+    concentration = count * _GRID[:, None]
+    likelihood = special.betaln(concentration * m + s, concentration * (1 - m) + n - s)
+    likelihood -= special.betaln(concentration * m, concentration * (1 - m))
+    scores = likelihood.sum(axis=1) - 0.5 * (np.log(_GRID) / np.log(2.0)) ** 2
+    chosen = count * float(_GRID[int(scores.argmax())]) if len(trials) else count
+    own = own_counts(query, trials)
+    mean = means(query, own[0], own[1])
+    return BetaBelief(chosen * mean + own[0], chosen * (1.0 - mean) + own[1] - own[0])
+
+
+def logistic(setting: Setting, trials: Trials, query: Pairs, rng: np.random.Generator) -> LatentBelief:  # noqa: ARG001
+    """Bayesian logistic regression with an effect of each pair's own."""
+    return _process(linear_kernel(query.signed.shape[1], query.same.shape[1]), setting, trials, query)
+
+
+def gp(setting: Setting, trials: Trials, query: Pairs, rng: np.random.Generator) -> LatentBelief:  # noqa: ARG001
+    """Gaussian process classification of the differences."""
+    return _process(smooth_kernel(query.signed.shape[1], query.same.shape[1]), setting, trials, query)
+
+
+def _process(kernel: Kernel, setting: Setting, trials: Trials, query: Pairs) -> LatentBelief:
+    stated = special.logit(setting.group_rates)
+    tried = pairs_of(setting.tasks, trials.taught, trials.tested)
+    theta, posterior = fit_process(kernel, tried, stated[tried.group], trials.successes, trials.attempts)
+    return belief_of(kernel, theta, posterior, tried, query, stated[query.group])
+
+
+def trees(setting: Setting, trials: Trials, query: Pairs, rng: np.random.Generator) -> LatentBelief:
+    """Extremely randomised trees on both tasks' features, their differences and what is the same."""
+    from sklearn.ensemble import ExtraTreesRegressor
+
+    tried = pairs_of(setting.tasks, trials.taught, trials.tested)
+    x, asked = (np.hstack([pairs.both, pairs.linear]) for pairs in (tried, query))
+    share = trials.successes / trials.attempts
+    logits = np.empty((setting.members, len(query)))
+    for member, weight in enumerate(_bootstrap(setting, trials, rng)):
+        seed = int(rng.integers(2**31))
+        forest = ExtraTreesRegressor(_TREES, min_samples_leaf=2, max_features=0.5, random_state=seed)
+        forest.fit(x, share, sample_weight=weight)
+        logits[member] = special.logit(np.clip(forest.predict(asked), _CLIP, 1.0 - _CLIP))
+    return ensemble(logits)
+
+
+def net(setting: Setting, trials: Trials, query: Pairs, rng: np.random.Generator) -> LatentBelief:
+    """The thesis's network of two layers on the difference of two tasks, its members side by side."""
+    import torch
+    from torch.nn import functional
+
+    tried = pairs_of(setting.tasks, trials.taught, trials.tested)
+    x, asked = (torch.tensor(np.hstack([p.signed, p.same]), dtype=torch.float32) for p in (tried, query))
+    e, d = setting.members, x.shape[1]
+    share = torch.tensor(trials.successes / trials.attempts, dtype=torch.float32).expand(e, -1)
+    weight = torch.tensor(_bootstrap(setting, trials, rng), dtype=torch.float32)
+    draw = torch.Generator().manual_seed(int(rng.integers(2**63)))
+    kernels = [
+        (torch.randn(e, d, _HIDDEN, generator=draw) * (2.0 / d) ** 0.5).requires_grad_(),
+        (torch.randn(e, _HIDDEN, generator=draw) * (1.0 / _HIDDEN) ** 0.5).requires_grad_(),
+    ]
+    biases = [torch.zeros(e, 1, _HIDDEN, requires_grad=True), torch.zeros(e, 1, requires_grad=True)]
+
+    def logits(features: torch.Tensor) -> torch.Tensor:
+        return torch.einsum("eqh,eh->eq", torch.relu(features @ kernels[0] + biases[0]), kernels[1]) + biases[1]
+
+    groups = [{"params": kernels, "weight_decay": _DECAY}, {"params": biases, "weight_decay": 0.0}]
+    optimizer = torch.optim.AdamW(groups, lr=_RATE)
+    for _ in range(_EPOCHS):
+        loss = functional.binary_cross_entropy_with_logits(logits(x), share, weight=weight, reduction="none")
+        optimizer.zero_grad()
+        (loss.sum(dim=1) / weight.sum(dim=1)).sum().backward()
+        optimizer.step()
+    with torch.no_grad():
+        return ensemble(logits(asked).numpy().astype(np.float64))
+
+
+MODELS: Mapping[str, Model] = {"rates": rates, "logistic": logistic, "gp": gp, "trees": trees, "net": net}
+ENSEMBLES = ("trees", "net")
+
+
+def ensemble(logits: Array) -> LatentBelief:
+    """What members' logits [E, Q] say together.
+
+    Correlations that E members show by chance are taken off (soft threshold of two standard errors): a plan chooses
+    among thousands of pairs, and would find value in noise.
+    """
+    mean, members = logits.mean(axis=0), len(logits)
+    centred = (logits - mean) / np.sqrt(members - 1)
+    variance = np.maximum((centred**2).sum(axis=0), 1e-6)
+    chance = min(0.9, 2.0 / np.sqrt(members))
+
+    def covariance(pair: int) -> Array:
+        deviation = np.sqrt(variance * variance[pair])
+        correlation = centred[:, pair] @ centred / deviation
+        kept = np.sign(correlation) * np.maximum(np.abs(correlation) - chance, 0.0) / (1.0 - chance)
+        kept[pair] = 1.0
+        return kept * deviation
+
+    return LatentBelief(mean, variance, covariance)
+
+
+def own_counts(query: Pairs, trials: Trials) -> tuple[Array, Array]:
+    """[Q] successes and [Q] attempts of each pair itself."""
+    m = 1 + max(int(each.max(initial=0)) for each in (query.taught, query.tested, trials.taught, trials.tested))
+    tables = np.zeros((2, m * m))
+    tables[:, trials.taught * m + trials.tested] = trials.successes, trials.attempts
+    own = tables[:, query.taught * m + query.tested]
+    return own[0], own[1]
+
+
+def _bootstrap(setting: Setting, trials: Trials, rng: np.random.Generator) -> Array:
+    """[E, N] weights of the trials: exponential ones of tasks, multiplied, times attempts."""
+    task = rng.exponential(size=(setting.members, len(setting.tasks.names)))
+    return np.asarray(task[:, trials.taught] * task[:, trials.tested] * trials.attempts)
