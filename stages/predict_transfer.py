@@ -34,10 +34,10 @@ def run(cfg: PredictTransferConfig, out: Path, track: Tracker) -> None:
     if cfg.trials is None and tasks.family is None:
         raise InputError.at(cfg.features, 1, "family", "column is missing; without trials it is all there is to go by")
     setting = Setting(tasks, Prior(**fields_of(cfg.prior, Prior)), cfg.members)
-    sizes = {"folds": cfg.folds, "fewest": cfg.fewest_pairs, "level": cfg.level}
     with bar("comparing models", " fits") as show:
         rng = generator(cfg.seed, "predict_transfer")
-        prediction = predict(setting, trials, cfg.models, **sizes, rng=rng, report=show)
+        sizes = (cfg.folds, cfg.fewest_pairs, cfg.level)
+        prediction = predict(setting, trials, cfg.models, *sizes, rng=rng, report=show)
     view = None
     if orders is not None:
         with bar("valuing trials", " pairs") as show:
@@ -45,7 +45,9 @@ def run(cfg: PredictTransferConfig, out: Path, track: Tracker) -> None:
     save_prediction_figure(out / "transfer.png", prediction, cfg.level)  # whatever can fail comes before the first file
     for path in (table, *([cfg.out] if cfg.out else [])):
         write_text(path, files.transfer_text(prediction, cfg.format))
-    save_json(out / "summary.json", facts := summary_of(prediction, cfg.level), schema="predict_transfer_summary", version=1)
+    save_json(
+        out / "summary.json", facts := summary_of(prediction, cfg.level), schema="predict_transfer_summary", version=1
+    )
     if view is not None:
         write_text(out / "next_trials.csv", files.next_trials_text(view.values, tasks.names, cfg.attempts_each))
     track.metrics({name: facts[name] for name in ("trials", "mean_p", "mean_width")})

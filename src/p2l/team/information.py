@@ -126,7 +126,8 @@ def trial_values(
     for done, pair in enumerate(pairs.tolist(), start=1):
         saved = tuple(value_of_trial(stake, today, pair, count) for count in attempts)
         if max(saved) > 0.0:
-            values.append(TrialValue(*divmod(pair, stake.tasks), float(stake.belief.mean[pair]), saved))
+            taught, tested = divmod(pair, stake.tasks)
+            values.append(TrialValue(taught, tested, float(stake.belief.mean[pair]), saved))
         if progress is not None:
             progress(done, len(pairs))
     return sorted(values, key=lambda each: -each.value(each.best) / each.best)
@@ -158,10 +159,10 @@ def cost_of(problem: Problem, kept: Plan) -> float:
 def screened(stake: Stake, today: Plan, most: int = _SCREENED, level: float = 0.98) -> IntArray:
     """Pairs whose outcome could change the plan: those in use, and those whose lesson could come to pay.
 
-    A pair in use counts by what is lost if its probability is at the low end of its interval. Another one counts by what
-    its lesson would save at the high end, which has to exceed what the lesson lacks today to pay for itself (its reduced
-    cost under the multipliers of the plan's certificate). A pair that helps others of its lesson along is let through
-    at a third of that.
+    A pair in use counts by what is lost if its probability is at the low end of its interval. Another one counts by
+    what its lesson would save at the high end, which has to exceed what the lesson lacks today to pay for itself (its
+    reduced cost under the multipliers of the plan's certificate). Since a trial may help other pairs of its lesson
+    along, a third of that is enough.
     """
     problem, n = stake.today, stake.problem.n
     low, high = (end[stake.index] for end in stake.belief.interval(level))
@@ -189,7 +190,7 @@ def screened(stake: Stake, today: Plan, most: int = _SCREENED, level: float = 0.
 
 
 def _rough_value(stake: Stake, today: Plan, pair: int, attempts: int) -> float:
-    """A lower bound of the value: after each outcome, the best plan whose lessons differ from today's by at most one."""
+    """A lower bound of the value: after each outcome, the best plan whose lessons are today's but for one."""
     at, back = np.unique(stake.index.ravel(), return_inverse=True)
     probability, means = stake.belief.outcomes(pair, attempts, at)
     lessons = today.decision == Decision.LEARN

@@ -11,7 +11,6 @@ from p2l.errors import ArtifactError
 from p2l.team.information import MOST, Outlook, TrialValue
 from p2l.text import guarded_cell, printable
 from p2l.transfer.prediction import Prediction
-from p2l.transfer.validation import BASELINE
 
 LONG = ("taught", "tested", "p", "low", "high", "trials", "successes", "supported_by")
 
@@ -89,24 +88,21 @@ def _next_trials(outlook: Outlook, names: Sequence[str], attempts: int) -> str:
     cost = f"Today's plan costs {outlook.plan.objective:,.1f} ({outlook.plan.status})."
     if not outlook.values:
         return f"{cost} No trial of up to {MOST} attempts could change it."
-    rows = [("skill of", "tried on", "p today", f"worth of {attempts}", "most per attempt", "worth of those")]
+    rows = [("skill of", "tried on", "p today", f"worth of {attempts}", "best number", "worth of it")]
     for each in outlook.values:
-        worth = (f"{each.value(attempts):,.2f}", f"{each.best} attempts", f"{each.value(each.best):,.2f}")
+        worth = (f"{each.value(attempts):,.2f}", str(each.best), f"{each.value(each.best):,.2f}")
         rows.append((names[each.taught], names[each.tested], f"{each.p:.2f}", *worth))
-    return f"{cost} What trials would save of it, before their own cost:\n{_aligned(rows, left=2)}"
+    return f"{cost} What attempts would save of it, in its units, before their own cost:\n{_aligned(rows, left=2)}"
 
 
 def _closing(prediction: Prediction, outlook: Outlook | None, names: Sequence[str]) -> str:
     choice, total = prediction.choice, int(prediction.trials.sum())
-    model = f"Model {choice.model} ({choice.reason})"
-    if choice.scores:
-        base = next(score.loss for score in choice.scores if score.model == BASELINE)
-        model += f"; log loss {choice.scores[0].loss:.3f}, base rates {base:.3f}"
-    line = f"{model}; {prediction.p.size:,} pairs predicted from {total} trials of {len(prediction.tried)} pairs"
+    counts = f"{total} trials of {len(prediction.tried)} pairs"
+    line = f"Model {choice.model} ({choice.reason}); {prediction.p.size:,} pairs predicted from {counts}"
     if outlook is not None and outlook.values:
         best = outlook.values[0]
         line += (
-            f"; best next trial: {names[best.taught]} on {names[best.tested]}, {best.best} times, "
+            f"; best next trial: {names[best.taught]} on {names[best.tested]}, {best.best}x, "
             f"worth {best.value(best.best):,.2f}"
         )
     elif outlook is not None:
@@ -118,7 +114,9 @@ def _aligned(rows: Sequence[Sequence[str]], left: int) -> str:
     """Columns, the first `left` of them read from the left."""
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
     lines = [
-        "  ".join(cell.ljust(w) if at < left else cell.rjust(w) for at, (cell, w) in enumerate(zip(row, widths, strict=True)))
+        "  ".join(
+            cell.ljust(w) if at < left else cell.rjust(w) for at, (cell, w) in enumerate(zip(row, widths, strict=True))
+        )
         for row in rows
     ]
     return "\n".join(line.rstrip() for line in lines)

@@ -165,7 +165,9 @@ def read_orders(path: Path, names: Sequence[str], features: Path, order: Order) 
     if len(rows) > _MOST_ATTEMPTS:
         raise InputError.at(path, None, "count", f"{len(rows)} tasks in all; at most {_MOST_ATTEMPTS}")
     copy = np.concatenate([np.arange(count) for count in counts])
-    labels = [f"{names[tasks[row]]} ({nth + 1})" if nth else names[tasks[row]] for row, nth in zip(rows, copy, strict=True)]
+    labels = [
+        f"{names[tasks[row]]} ({nth + 1})" if nth else names[tasks[row]] for row, nth in zip(rows, copy, strict=True)
+    ]
     costs = {
         name: np.array([_cost(path, line, name, cell) for line, cell in table.column(name)])[rows] for name in _COSTS
     }
@@ -211,7 +213,9 @@ def _truth(path: Path, line: int, text: str) -> int:
 
 def _count(path: Path, line: int, column: str, text: str, low: int) -> int:
     if not text.isascii() or not text.isdigit() or not low <= int(text) <= _MOST_ATTEMPTS:
-        raise InputError.at(path, line, column, f"'{text}' is not allowed; give a whole number from {low} to {_MOST_ATTEMPTS}")
+        raise InputError.at(
+            path, line, column, f"'{text}' is not allowed; give a whole number from {low} to {_MOST_ATTEMPTS}"
+        )
     return int(text)
 
 

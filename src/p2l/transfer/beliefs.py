@@ -100,7 +100,7 @@ class LatentBelief:
         return special.expit(self.logit - reach), special.expit(self.logit + reach)
 
     def outcomes(self, pair: int, attempts: int, at: IntArray) -> tuple[Array, Array]:
-        """As in `Belief`: given the logit of the tried pair, all others are normal; that logit is weighed by outcome."""
+        """As in `Belief`: given the logit of the tried pair, which outcomes weigh, all others are normal."""
         deviation = np.sqrt(self.variance[pair])
         node = self.logit[pair] + deviation * _X
         p = special.expit(node)

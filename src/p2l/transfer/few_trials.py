@@ -147,6 +147,8 @@ class Pairs:
     Attributes:
         taught, tested: [Q] task indices.
         signed: [Q, F] standardised features of the tested minus those of the taught task.
+        excess: [Q, F] how much farther apart they are than two tasks on average; 0 for a task and itself, of which the
+            stated prior says all.
         same: [Q, C] 1 where both have the same category (one column each), family (if told), and are the same task.
         group: [Q] SAME_TASK, SAME_FAMILY or OTHER (without families, never SAME_FAMILY).
         both: [Q, ·] features of the taught, then of the tested task: standardised ones and category numbers.
@@ -155,6 +157,7 @@ class Pairs:
     taught: IntArray
     tested: IntArray
     signed: Array
+    excess: Array
     same: Array
     group: IntArray
     both: Array
@@ -174,6 +177,11 @@ class Pairs:
     @property
     def linear(self) -> Array:
         """[Q, 2F + C] what a linear model takes."""
+        return np.hstack([self.excess, self.signed, self.same])
+
+    @property
+    def differences(self) -> Array:
+        """[Q, 2F + C] sizes, signed values, and what is the same."""
         return np.hstack([self.size, self.signed, self.same])
 
 
@@ -186,10 +194,14 @@ def pairs_of(tasks: TaskTable, taught: IntArray, tested: IntArray) -> Pairs:
     columns = [alike, *([] if tasks.family is None else [relative[:, None]]), itself[:, None]]
     one_hot = [tasks.category] if tasks.family is None else [tasks.category, tasks.family[:, None]]
     described = np.hstack([values, *one_hot])
+    signed = values[tested] - values[taught]
+    m = len(values)
+    typical = np.abs(values[:, None] - values).sum(axis=(0, 1)) / max(1, m * (m - 1))
     return Pairs(
         taught=taught,
         tested=tested,
-        signed=values[tested] - values[taught],
+        signed=signed,
+        excess=np.where(itself[:, None], 0.0, np.abs(signed) - typical),
         same=np.hstack(columns).astype(np.float64),
         group=np.where(itself, SAME_TASK, np.where(relative, SAME_FAMILY, OTHER)),
         both=np.hstack([described[taught], described[tested]]),

@@ -59,7 +59,7 @@ def smooth_kernel(features: int, same: int) -> Kernel:
         """Without the parts, by products of matrices: there may be thousands of pairs."""
         a, w = np.exp(theta[-2]), np.exp(theta[1 : 1 + features + same])
         scale = np.sqrt(np.concatenate([w[:features], a * w[:features], w[features:]]))
-        x, y = query.linear * scale, tried.linear * scale
+        x, y = query.differences * scale, tried.differences * scale
         distance = (x**2).sum(axis=1)[:, None] + (y**2).sum(axis=1) - 2.0 * x @ y.T
         return np.asarray(_OFFSET + np.exp(2.0 * theta[0] - 0.5 * np.maximum(distance, 0.0)))
 

@@ -25,7 +25,7 @@ from p2l.transfer.processes import Kernel, belief_of, fit_process
 
 _TREES = 10  # of each member
 _CLIP = 0.02  # no forest is surer than this
-_HIDDEN, _EPOCHS, _RATE, _DECAY = 32, 200, 0.02, 0.1
+_HIDDEN, _EPOCHS, _RATE, _DECAY = 16, 100, 0.02, 1.0
 _GRID = 2.0 ** np.arange(-2.0, 5.0)  # multiples of the stated pseudo-count
 
 
@@ -99,7 +99,7 @@ def trees(setting: Setting, trials: Trials, query: Pairs, rng: np.random.Generat
     from sklearn.ensemble import ExtraTreesRegressor
 
     tried = pairs_of(setting.tasks, trials.taught, trials.tested)
-    x, asked = (np.hstack([pairs.both, pairs.linear]) for pairs in (tried, query))
+    x, asked = (np.hstack([pairs.both, pairs.differences]) for pairs in (tried, query))
     share = trials.successes / trials.attempts
     logits = np.empty((setting.members, len(query)))
     for member, weight in enumerate(_bootstrap(setting, trials, rng)):
@@ -111,34 +111,34 @@ def trees(setting: Setting, trials: Trials, query: Pairs, rng: np.random.Generat
 
 
 def net(setting: Setting, trials: Trials, query: Pairs, rng: np.random.Generator) -> LatentBelief:
-    """The thesis's network of two layers on the difference of two tasks, its members side by side."""
-    import torch
-    from torch.nn import functional
-
+    """The thesis's network of two layers on the difference of two tasks, its members side by side, by Adam."""
     tried = pairs_of(setting.tasks, trials.taught, trials.tested)
-    x, asked = (torch.tensor(np.hstack([p.signed, p.same]), dtype=torch.float32) for p in (tried, query))
+    x, asked = (np.hstack([pairs.signed, pairs.same]) for pairs in (tried, query))
     e, d = setting.members, x.shape[1]
-    share = torch.tensor(trials.successes / trials.attempts, dtype=torch.float32).expand(e, -1)
-    weight = torch.tensor(_bootstrap(setting, trials, rng), dtype=torch.float32)
-    draw = torch.Generator().manual_seed(int(rng.integers(2**63)))
-    kernels = [
-        (torch.randn(e, d, _HIDDEN, generator=draw) * (2.0 / d) ** 0.5).requires_grad_(),
-        (torch.randn(e, _HIDDEN, generator=draw) * (1.0 / _HIDDEN) ** 0.5).requires_grad_(),
+    share = trials.successes / trials.attempts
+    weight = _bootstrap(setting, trials, rng)
+    weight /= weight.sum(axis=1, keepdims=True)
+    layers = [
+        rng.standard_normal((e, d, _HIDDEN)) * (2.0 / d) ** 0.5,
+        np.zeros((e, 1, _HIDDEN)),
+        rng.standard_normal((e, _HIDDEN)) * _HIDDEN**-0.5,
+        np.zeros((e, 1)),
     ]
-    biases = [torch.zeros(e, 1, _HIDDEN, requires_grad=True), torch.zeros(e, 1, requires_grad=True)]
-
-    def logits(features: torch.Tensor) -> torch.Tensor:
-        return torch.einsum("eqh,eh->eq", torch.relu(features @ kernels[0] + biases[0]), kernels[1]) + biases[1]
-
-    groups = [{"params": kernels, "weight_decay": _DECAY}, {"params": biases, "weight_decay": 0.0}]
-    optimizer = torch.optim.AdamW(groups, lr=_RATE)
-    for _ in range(_EPOCHS):
-        loss = functional.binary_cross_entropy_with_logits(logits(x), share, weight=weight, reduction="none")
-        optimizer.zero_grad()
-        (loss.sum(dim=1) / weight.sum(dim=1)).sum().backward()
-        optimizer.step()
-    with torch.no_grad():
-        return ensemble(logits(asked).numpy().astype(np.float64))
+    moments = [(np.zeros_like(each), np.zeros_like(each)) for each in layers]
+    for epoch in range(1, _EPOCHS + 1):
+        hidden = np.maximum(x @ layers[0] + layers[1], 0.0)  # [E, N, H]
+        error = weight * (special.expit(np.einsum("enh,eh->en", hidden, layers[2]) + layers[3]) - share)
+        back = error[:, :, None] * layers[2][:, None] * (hidden > 0.0)
+        slopes = [x.T @ back, back.sum(axis=1, keepdims=True), np.einsum("enh,en->eh", hidden, error)]
+        slopes.append(error.sum(axis=1, keepdims=True))
+        for at, slope in enumerate(slopes):
+            first, second = moments[at]
+            first += 0.1 * (slope - first)
+            second += 0.001 * (slope**2 - second)
+            step = first / (1.0 - 0.9**epoch) / (np.sqrt(second / (1.0 - 0.999**epoch)) + 1e-8)
+            layers[at] -= _RATE * (step + (_DECAY * layers[at] if at in (0, 2) else 0.0))  # biases do not decay
+    hidden = np.maximum(asked @ layers[0] + layers[1], 0.0)
+    return ensemble(np.einsum("eqh,eh->eq", hidden, layers[2]) + layers[3])
 
 
 MODELS: Mapping[str, Model] = {"rates": rates, "logistic": logistic, "gp": gp, "trees": trees, "net": net}

@@ -54,10 +54,10 @@ def predict(
     setting: Setting,
     trials: Trials,
     models: Sequence[str],
-    *,
     folds: int,
     fewest: int,
     level: float,
+    *,
     rng: np.random.Generator,
     report: Report | None = None,
 ) -> Prediction:
@@ -135,7 +135,7 @@ def _with_own_effects(belief: LatentBelief, correction: Correction, query: Pairs
 
 
 def _support(setting: Setting, trials: Trials, query: Pairs) -> IntArray:
-    """[Q, S] the trials nearest in the space of pairs: its own first, then the least different ones of many attempts."""
+    """[Q, S] the trials nearest in the space of pairs, of many attempts rather than few; the pair's own first."""
     count = min(_NAMED, len(trials))
     tried = pairs_of(setting.tasks, trials.taught, trials.tested)
     scale = 1.0 / np.sqrt(max(1, query.signed.shape[1]))

@@ -66,7 +66,8 @@ def posterior_mode(
     covariance: Array, slopes: Sequence[Array], mean: Array, successes: IntArray, attempts: IntArray, start: Array
 ) -> Mode:
     """Newton's method from logits `start`; all of [N], covariance and each slope [N, N]."""
-    f, identity = start.copy(), np.eye(len(mean))
+    f: Array = start.copy()
+    identity = np.eye(len(mean))
     weight = linalg.solve(covariance, f - mean, assume_a="pos")
     best = _log_likelihood(f, successes, attempts) - 0.5 * float(weight @ (f - mean))
     for _ in range(_STEPS):
@@ -74,7 +75,7 @@ def posterior_mode(
         root = np.sqrt(attempts * p * (1.0 - p))
         factor = linalg.cholesky(identity + root[:, None] * covariance * root, lower=True)
         b = root**2 * (f - mean) + successes - attempts * p
-        step = b - root * linalg.cho_solve((factor, True), root * (covariance @ b))
+        step: Array = b - root * linalg.cho_solve((factor, True), root * (covariance @ b))
         change, scale = step - weight, 1.0
         while True:  # halve a step that overshoots; the last one is as good as none
             trial = weight + scale * change
@@ -90,7 +91,7 @@ def posterior_mode(
     curvature = attempts * p * (1.0 - p)
     root = np.sqrt(curvature)
     factor = linalg.cholesky(identity + root[:, None] * covariance * root, lower=True)
-    precision = root[:, None] * linalg.cho_solve((factor, True), np.diag(root))
+    precision = np.asarray(root[:, None] * linalg.cho_solve((factor, True), np.diag(root)), dtype=np.float64)
     evidence = best - float(np.log(np.diag(factor)).sum())
     half = linalg.solve_triangular(factor, root[:, None] * covariance, lower=True)
     left = np.diag(covariance) - (half**2).sum(axis=0)  # posterior variances
@@ -117,8 +118,9 @@ def fit_process(
         return 0.5 * float(pull @ pull) - mode.evidence, pull / kernel.spread - mode.gradient
 
     bounds = [(c - 4 * s, c + 4 * s) for c, s in zip(kernel.centre, kernel.spread, strict=True)]
-    options = {"maxiter": iterations, "ftol": 1e-7}
-    found = optimize.minimize(loss, kernel.centre, jac=True, method="L-BFGS-B", bounds=bounds, options=options)
+    found = optimize.minimize(
+        loss, kernel.centre, jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": iterations, "ftol": 1e-7}
+    )
     covariance = kernel.value(found.x, pairs, pairs) + np.exp(2.0 * found.x[-1]) * np.eye(len(pairs))
     return found.x, expectation_propagation(covariance, mean, successes, attempts, last[0])
 
@@ -133,7 +135,9 @@ def mode_at(
     return posterior_mode(covariance, slopes, mean, successes, attempts, start)
 
 
-def belief_of(kernel: Kernel, theta: Array, posterior: Posterior, tried: Pairs, query: Pairs, mean: Array) -> LatentBelief:
+def belief_of(
+    kernel: Kernel, theta: Array, posterior: Posterior, tried: Pairs, query: Pairs, mean: Array
+) -> LatentBelief:
     """What the trials of N pairs say of Q others (or the same); mean [Q] is that of the prior."""
     own = np.exp(2.0 * theta[-1])
     cross = kernel.value(theta, query, tried) + own * same_pairs(query, tried)
@@ -189,7 +193,7 @@ def _given_sites(covariance: Array, mean: Array, site: Array, pull: Array) -> Po
     """Normal sites of these precisions [N] and precision-times-mean [N]."""
     root = np.sqrt(site)
     factor = linalg.cholesky(np.eye(len(site)) + root[:, None] * covariance * root, lower=True)
-    precision = root[:, None] * linalg.cho_solve((factor, True), np.diag(root))
+    precision = np.asarray(root[:, None] * linalg.cho_solve((factor, True), np.diag(root)), dtype=np.float64)
     b = pull - site * mean
     return Posterior(b - precision @ (covariance @ b), precision)
 

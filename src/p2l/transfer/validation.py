@@ -6,8 +6,8 @@ judged on the trials that meet a held-out one. Scores are log losses per trial, 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy import optimize, special, stats
@@ -15,13 +15,14 @@ from scipy import optimize, special, stats
 from p2l.records import Array, IntArray
 from p2l.transfer.beliefs import LatentBelief, expected_success
 from p2l.transfer.calibration import EPSILON, Platt
-from p2l.transfer.few_trials import Pairs, Trials, pairs_of
-from p2l.transfer.pair_models import ENSEMBLES, MODELS, Setting, own_counts
+from p2l.transfer.few_trials import Trials, pairs_of
+from p2l.transfer.pair_models import ENSEMBLES, MODELS, Setting
 
 BASELINE = "rates"
 _ENOUGH = 40  # trials, a quarter of them of each outcome, from which a correction is fitted
+_MEMBERS = 20  # of an ensemble while models are compared
 _RIDGE = 2.0  # of a correction's parameters, in nats: it stays near the identity unless trials say otherwise
-_OWN_VARIANCE = 0.5  # of a logit: what is believed of the effect that a pair has of its own
+_OWN_VARIANCE = 1.0  # of a logit: what is believed of the effect that a pair has of its own
 _NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(15)
 
 Report = Callable[[int, int], None]  # steps done, of how many
@@ -115,6 +116,8 @@ def choose(
 ) -> Choice:
     """The model of the smallest log loss on held-out tasks; the baseline where trials are too few to tell.
 
+    An ensemble, whose intervals are less honest than a posterior's, has to be better by more than a standard error.
+
     Args:
         setting: tasks and prior.
         trials: all of them.
@@ -125,6 +128,7 @@ def choose(
         report: is told how many fits are done.
     """
     split = deal_folds(setting, folds, rng)
+    setting = replace(setting, members=min(setting.members, _MEMBERS))
     if why := _too_few(trials, split, fewest):
         return Choice(BASELINE, Correction(), (), why)
     names = list(dict.fromkeys([BASELINE, *models]))
@@ -139,9 +143,9 @@ def choose(
     scores = {name: _score(name, each) for name, each in held.items()}
     base = scores[BASELINE]
     ranked = sorted((_beside(score, base, held[BASELINE]) for score in scores.values()), key=lambda each: each.loss)
-    best = ranked[0]
+    best = _winner(ranked, held[BASELINE])
     correction = _fit_correction(held[best.model], best.model, best.corrected)
-    return Choice(best.model, correction, tuple(ranked), _reason(best, folds))
+    return Choice(best.model, correction, tuple(ranked), _reason(best, base))
 
 
 def _too_few(trials: Trials, split: IntArray, fewest: int) -> str:
@@ -192,7 +196,7 @@ def _score(name: str, held: _Held) -> Score:
         if crossed.sum() < plain.sum():
             losses, corrected = crossed, True
     total = np.bincount(held.fold, losses)
-    count = np.bincount(held.fold, held.attempts)
+    count = np.bincount(held.fold, held.attempts).astype(np.float64)
     mean = float(losses.sum() / held.attempts.sum())
     half = _half_width(total / count, count)
     return Score(name, tuple((total / count).tolist()), corrected, mean, mean - half, mean + half)
@@ -200,7 +204,7 @@ def _score(name: str, held: _Held) -> Score:
 
 def _beside(score: Score, base: Score, held: _Held) -> Score:
     """The score with its gain over the baseline; the trials that are judged are the same."""
-    count = np.bincount(held.fold, held.attempts)
+    count = np.bincount(held.fold, held.attempts).astype(np.float64)
     gains = np.array(base.losses) - np.array(score.losses)
     mean = float(gains @ count / count.sum())
     half = _half_width(gains, count)
@@ -209,13 +213,25 @@ def _beside(score: Score, base: Score, held: _Held) -> Score:
     )
 
 
+def _winner(ranked: Sequence[Score], held: _Held) -> Score:
+    """The first, or the first that is no ensemble, if that is no more than a standard error behind."""
+    first, other = ranked[0], next(score for score in ranked if score.model not in ENSEMBLES)
+    count = np.bincount(held.fold, held.attempts).astype(np.float64)
+    behind = np.array(other.losses) - np.array(first.losses)
+    is_near = float(behind @ count / count.sum()) <= _standard_error(behind, count)
+    return other if is_near else first
+
+
 def _half_width(values: Array, weights: Array) -> float:
     """Of a 90 % interval of a weighted mean over folds."""
-    share = weights / weights.sum()
-    mean = float(values @ share)
-    k = len(values)
-    variance = float(share**2 @ (values - mean) ** 2) * k / (k - 1)
-    return float(stats.t.ppf(0.95, k - 1)) * float(np.sqrt(variance))
+    return float(stats.t.ppf(0.95, len(values) - 1)) * _standard_error(values, weights)
+
+
+def _standard_error(values: Array, weights: Array) -> float:
+    """Of a weighted mean over folds."""
+    share, k = weights / weights.sum(), len(values)
+    variance = float(share**2 @ (values - float(values @ share)) ** 2) * k / (k - 1)
+    return float(np.sqrt(variance))
 
 
 def _enough(held: _Held) -> bool:
@@ -224,7 +240,7 @@ def _enough(held: _Held) -> bool:
 
 
 def _fit_correction(held: _Held, model: str, corrected: bool) -> Correction:
-    """By maximum likelihood with a ridge. An ensemble knows of no effects of single pairs, so their variance is fitted."""
+    """By maximum likelihood with a ridge; for an ensemble, with the variance of what single pairs add."""
     is_ensemble = model in ENSEMBLES
     if model == BASELINE or not (corrected or is_ensemble):
         return Correction()
@@ -256,8 +272,8 @@ def _corrected_success(held: _Held, fitted: Correction) -> Array:
     return np.asarray(expected_success(*_moments(held, fitted)))
 
 
-def _reason(best: Score, folds: int) -> str:
+def _reason(best: Score, base: Score) -> str:
     if best.model == BASELINE:
-        return f"no model predicts held-out tasks better than success rates by kind of pair ({folds} folds of tasks)"
-    sure = "" if best.gain_low > 0.0 else "; the interval of the gain holds 0, so more trials may change the choice"
-    return f"smallest log loss on held-out tasks ({folds} folds of tasks){sure}"
+        return "no model predicts held-out tasks clearly better than success rates by kind of pair"
+    losses = f"log loss on held-out tasks {best.loss:.3f}, base rates {base.loss:.3f}"
+    return losses if best.gain_low > 0.0 else f"{losses}, a gain that may be chance"

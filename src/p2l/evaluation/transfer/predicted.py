@@ -1,4 +1,4 @@
-"""The figure of a predicted transfer table: expected success of every pair, what was tried, and how wide intervals are."""
+"""The figure of a predicted transfer table: expected success of every pair, what was tried, widths of intervals."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from p2l.transfer.prediction import Prediction
 
 _NAMED = 70  # tasks up to which each has its name on the axes
 _LONGEST = 18  # letters of a name
+_RING = "#D55E00"
 
 
 def save_prediction_figure(path: Path, prediction: Prediction, level: float) -> None:
@@ -27,7 +28,7 @@ def prediction_figure(prediction: Prediction, level: float) -> Figure:
     """Two squares, taught tasks down and tested tasks across: expected success, and the widths of the intervals."""
     m = len(prediction.names)
     side = float(np.clip(1.8 + 0.17 * m, 4.0, 11.5))
-    figure = Figure(figsize=(2 * side + 1.6, side + 1.1), layout="constrained")
+    figure = Figure(figsize=(2 * side + 2.0, side + 0.7), layout="constrained")
     left, right = figure.subplots(1, 2)
     panels = (
         (left, prediction.p, "viridis", "expected success probability"),
@@ -35,15 +36,19 @@ def prediction_figure(prediction: Prediction, level: float) -> Figure:
     )
     for axes, values, colours, title in panels:
         image = axes.imshow(values, cmap=colours, vmin=0.0, vmax=1.0, interpolation="nearest")
-        figure.colorbar(image, ax=axes, shrink=0.8, label="probability")
+        figure.colorbar(image, ax=axes, fraction=0.045, pad=0.02, label="probability")
         axes.set_title(title, fontsize=10)
         axes.set_xlabel("tested task")
         _name(axes, prediction.names)
     left.set_ylabel("taught task (whose lesson is used)")
     _mark(left, prediction, side)
+    if len(prediction.tried):
+        handles, labels = left.get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=len(handles), fontsize=8, frameon=False)
     total = int(prediction.trials.sum())
     figure.suptitle(
-        f"Transfer between {m} tasks – model {prediction.choice.model}, {total} trials of {len(prediction.tried)} pairs",
+        f"Transfer between {m} tasks – model {prediction.choice.model}, "
+        f"{total} trials of {len(prediction.tried)} pairs",
         fontsize=11,
     )
     return figure
@@ -67,8 +72,8 @@ def _mark(axes: Axes, prediction: Prediction, side: float) -> None:
         return
     share = tried.successes / tried.attempts
     size = (72.0 * (side - 1.8) / len(prediction.names) * 0.5) ** 2
-    style = {"s": size, "cmap": "gray", "vmin": 0.0, "vmax": 1.0, "edgecolors": "#D55E00", "linewidths": 1.0}
-    axes.scatter(tried.tested, tried.taught, c=share, **style)
-    axes.scatter([], [], s=40, c="white", edgecolors="#D55E00", label="tried, all succeeded")
-    axes.scatter([], [], s=40, c="black", edgecolors="#D55E00", label="tried, none succeeded")
-    axes.legend(loc="upper left", bbox_to_anchor=(0.0, -0.02), fontsize=7, ncols=1, frameon=False)
+    axes.scatter(
+        tried.tested, tried.taught, c=share, s=size, cmap="gray", vmin=0.0, vmax=1.0, edgecolors=_RING, linewidths=1.0
+    )
+    for shade, label in (("white", "all succeeded"), ("0.5", "half succeeded"), ("black", "none succeeded")):
+        axes.scatter([], [], s=40, c=shade, edgecolors=_RING, label=f"tried, {label}")
