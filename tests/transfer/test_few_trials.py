@@ -9,7 +9,9 @@ from p2l.errors import ShapeError
 from p2l.transfer.few_trials import OTHER, SAME_FAMILY, SAME_TASK, Prior, TaskTable, Trials, all_pairs, pairs_of
 
 NUMBERS = np.array([[1.0, 2.0, 7.0], [3.0, 20.0, 7.0], [5.0, 200.0, 7.0]])
-TASKS = TaskTable(("a", "b", "c"), ("x", "y", "z"), NUMBERS, ("material",), np.array([[0], [0], [1]]), np.array([0, 0, 1]))
+TASKS = TaskTable(
+    ("a", "b", "c"), ("x", "y", "z"), NUMBERS, ("material",), np.array([[0], [0], [1]]), np.array([0, 0, 1])
+)
 
 
 def test_features_are_standardised_wide_ones_by_their_logarithm_and_constant_ones_left_out():

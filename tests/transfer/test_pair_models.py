@@ -95,14 +95,14 @@ def test_an_ensemble_sees_no_correlation_that_is_chance():
 
 
 def test_intervals_of_the_chosen_model_hold_the_truth_about_as_often_as_they_say():
-    """90 % intervals over eight made-up shops; honest is 80 to 98 %."""
+    """90 % intervals over six made-up shops; honest is 80 to 98 %."""
     held = []
-    for seed in range(8):
+    for seed in range(6):
         rng = np.random.default_rng(seed)
         tasks = shop.table(rng)
         p = shop.truth(tasks, rng)
         trials = shop.tried(p, rng)
-        prediction = predict(shop.setting(tasks, 10), trials, tuple(MODELS), 4, 15, 0.9, rng=rng)
+        prediction = predict(shop.setting(tasks, 10), trials, ("logistic", "gp", "net"), 4, 15, 0.9, rng=rng)
         held.append(((prediction.low <= p) & (p <= prediction.high)).mean())
     assert 0.80 <= np.mean(held) <= 0.98
     assert min(held) > 0.6

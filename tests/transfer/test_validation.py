@@ -72,8 +72,8 @@ def test_scores_are_log_losses_per_trial(example):
 def test_the_choice_beats_the_baseline_where_features_tell_all():
     rng = RNG(5)
     tasks = shop.table(rng, 24)
-    trials = shop.tried(shop.truth(tasks, rng, own=0.0), rng, 250)
-    choice = choose(shop.setting(tasks), trials, list(MODELS), 4, 15, rng)
+    trials = shop.tried(shop.truth(tasks, rng, own=0.0), rng, 200)
+    choice = choose(shop.setting(tasks, 10), trials, list(MODELS), 4, 15, rng)
     best = choice.scores[0]
     assert choice.model in ("logistic", "gp")
     assert best.gain_low > 0.0
@@ -86,7 +86,10 @@ def test_the_choice_beats_the_baseline_where_features_tell_all():
         (Trials.none(), "no trials"),
         (Trials(*(np.array(each) for each in ([0, 1], [1, 2], [1, 0], [1, 1]))), "fewer than 15"),
         (Trials(np.arange(20), np.arange(20), np.full(20, 2), np.full(20, 2)), "fewer than 3 trials of one outcome"),
-        (Trials(np.repeat(np.arange(5), 5), np.tile(np.arange(5), 5), np.tile([0, 1, 1, 0, 1], 5), np.full(25, 1)), "fold"),
+        (
+            Trials(np.repeat(np.arange(5), 5), np.tile(np.arange(5), 5), np.tile([0, 1, 1, 0, 1], 5), np.full(25, 1)),
+            "fold",
+        ),
     ],
 )
 def test_too_few_trials_choose_nothing_and_say_so(trials, reason):
@@ -94,6 +97,20 @@ def test_too_few_trials_choose_nothing_and_say_so(trials, reason):
     choice = choose(shop.setting(tasks), trials, list(MODELS), 20 if reason == "fold" else 4, 15, RNG(0))
     assert (choice.model, choice.scores, choice.correction) == ("rates", (), Correction())
     assert reason in choice.reason
+
+
+def test_an_ensemble_has_to_be_better_by_more_than_a_standard_error():
+    n = np.full(4, 10)
+    held = validation._Held(np.zeros(4), np.zeros(4), n, n, np.arange(4))
+
+    def score(model, *losses):
+        return validation.Score(model, losses, False, float(np.mean(losses)), 0.0, 1.0)
+
+    gp = score("gp", 0.40, 0.42, 0.44, 0.46)
+    near, clear = score("trees", 0.44, 0.36, 0.48, 0.40), score("trees", 0.30, 0.31, 0.35, 0.34)
+    assert validation._winner([near, gp], held) is gp
+    assert validation._winner([clear, gp], held) is clear
+    assert validation._winner([gp, near], held) is gp
 
 
 def test_a_correction_undoes_logits_that_are_twice_too_large():

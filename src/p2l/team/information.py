@@ -181,6 +181,8 @@ def screened(stake: Stake, today: Plan, most: int = _SCREENED, level: float = 0.
         more = np.nan_to_num(np.maximum(price - hoped, 0.0) - gain)
         lacks = problem.c_demo - price - np.where(possible, gain, 0.0).sum(axis=1)
         loss = np.nan_to_num(np.minimum(feared, problem.outside) - expected, posinf=0.0)
+    twins = (stake.place[:, None] == stake.place).astype(np.float64)
+    more = np.where(possible, more, 0.0) @ twins  # one trial tells of all copies of a task
     score = np.where(possible & (3.0 * more > lacks[:, None]), more, 0.0)
     score = np.where(used, np.maximum(score, loss), score)
     best = np.zeros(stake.tasks**2)

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy import special
+from threadpoolctl import threadpool_limits
 
 from p2l.records import Array
 from p2l.transfer.beliefs import Belief, BetaBelief, LatentBelief
@@ -90,7 +91,8 @@ def gp(setting: Setting, trials: Trials, query: Pairs, rng: np.random.Generator)
 def _process(kernel: Kernel, setting: Setting, trials: Trials, query: Pairs) -> LatentBelief:
     stated = special.logit(setting.group_rates)
     tried = pairs_of(setting.tasks, trials.taught, trials.tested)
-    theta, posterior = fit_process(kernel, tried, stated[tried.group], trials.successes, trials.attempts)
+    with threadpool_limits(1, "blas"):  # hundreds of small matrices: threads would wait for each other
+        theta, posterior = fit_process(kernel, tried, stated[tried.group], trials.successes, trials.attempts)
     return belief_of(kernel, theta, posterior, tried, query, stated[query.group])
 
 
