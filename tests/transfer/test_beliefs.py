@@ -49,6 +49,15 @@ def test_outcomes_agree_with_a_joint_normal_that_is_sampled():
     np.testing.assert_allclose(means[2], weight @ p / weight.sum(), atol=4e-3)
 
 
+@pytest.mark.parametrize("belief", [latent(), BetaBelief(np.array([0.4, 2.0, 7.0]), np.array([1.0, 2.0, 0.5]))])
+def test_at_the_ends_of_its_interval_a_pair_draws_those_along_that_resemble_it(belief):
+    ends, (low, high) = belief.extremes(0, 0.9, ALL), belief.interval(0.9)
+    np.testing.assert_allclose(ends[:, 0], [low[0], high[0]])
+    np.testing.assert_allclose(ends[:, 2], belief.mean[2], atol=0.01)
+    assert ends[0, 1] <= belief.mean[1] <= ends[1, 1]
+    assert (ends[1, 1] > ends[0, 1] + 0.2) == isinstance(belief, LatentBelief)
+
+
 def test_intervals_hold_their_share():
     rng = np.random.default_rng(1)
     low, high = latent().interval(0.9)

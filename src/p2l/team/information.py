@@ -29,6 +29,7 @@ from p2l.transfer.beliefs import Belief
 
 MOST = 5  # attempts of one trial that are looked at
 _SCREENED = 150  # pairs that are ranked by a plan that differs by one lesson
+_SLACK = 3.0  # multipliers are of a relaxation, and ends of intervals not the last word
 _NOTHING = 1e-9  # relative to the plan's cost: a value below it is rounding
 
 
@@ -157,38 +158,38 @@ def cost_of(problem: Problem, kept: Plan) -> float:
 
 
 def screened(stake: Stake, today: Plan, most: int = _SCREENED, level: float = 0.98) -> IntArray:
-    """Pairs whose outcome could change the plan: those in use, and those whose lesson could come to pay.
+    """Pairs whose outcome could change the plan, the most promising first.
 
-    A pair in use counts by what is lost if its probability is at the low end of its interval. Another one counts by
-    what its lesson would save at the high end, which has to exceed what the lesson lacks today to pay for itself (its
-    reduced cost under the multipliers of the plan's certificate). Since a trial may help other pairs of its lesson
-    along, a third of that is enough.
+    If a pair is at the high end of its interval, it and those that resemble it may make a lesson pay: what they save
+    has to exceed its reduced cost (what it lacks today to pay for itself, under the multipliers of the plan's
+    certificate). At the low end, pairs that the plan uses may cost more than other ways. A pair counts by both.
     """
-    problem, n = stake.today, stake.problem.n
-    low, high = (end[stake.index] for end in stake.belief.interval(level))
-    cells = stake.index
-    in_time = np.arange(n)[:, None] < np.arange(n) if problem.order == "fixed" else ~np.eye(n, dtype=bool)
+    n, own = stake.problem.n, np.arange(stake.problem.n)
+    at, back = np.unique(stake.index.ravel(), return_inverse=True)
+    problem = stake.today
+    in_time = own[:, None] < own if problem.order == "fixed" else ~np.eye(n, dtype=bool)
     possible = in_time & np.isfinite(problem.c_demo)[:, None]
-    own = np.arange(n)
-    acts = (today.decision == Decision.ACT) & (today.skill >= 0)
-    used = np.zeros((n, n), dtype=bool)
-    used[today.skill[acts], own[acts]] = True
     price = problem.outside if today.certificate is None else today.certificate.multipliers[0]
     price = np.minimum(np.where(np.isfinite(price), price, problem.c_demo), problem.outside)
-    expected, hoped, feared = (problem.attempt_cost(p) for p in (problem.transfer, high, low))
-    with np.errstate(invalid="ignore"):
-        gain = np.maximum(price - expected, 0.0)
-        more = np.nan_to_num(np.maximum(price - hoped, 0.0) - gain)
-        lacks = problem.c_demo - price - np.where(possible, gain, 0.0).sum(axis=1)
-        loss = np.nan_to_num(np.minimum(feared, problem.outside) - expected, posinf=0.0)
-    twins = (stake.place[:, None] == stake.place).astype(np.float64)
-    more = np.where(possible, more, 0.0) @ twins  # one trial tells of all copies of a task
-    score = np.where(possible & (3.0 * more > lacks[:, None]), more, 0.0)
-    score = np.where(used, np.maximum(score, loss), score)
-    best = np.zeros(stake.tasks**2)
-    np.maximum.at(best, cells.ravel(), np.where(possible, score, 0.0).ravel())
-    order = np.argsort(-best, kind="stable")[:most]
-    return np.asarray(order[best[order] > _NOTHING * max(1.0, today.objective)])
+    acts = np.flatnonzero((today.decision == Decision.ACT) & (today.skill >= 0))
+
+    def surplus(p: Array) -> Array:
+        """[n] what each lesson saves beyond its cost, below 0 where it does not pay."""
+        gain = np.where(possible, np.maximum(price - problem.attempt_cost(p), 0.0), 0.0)
+        return np.asarray(gain.sum(axis=1) + price - problem.c_demo)
+
+    def in_use(p: Array) -> float:
+        return float(problem.attempt_cost(p[today.skill[acts], acts], acts.tolist()).sum())
+
+    now, cost = surplus(problem.transfer), in_use(problem.transfer)
+    scores = np.zeros(len(at))
+    for number, pair in enumerate(at.tolist()):
+        low, high = stake.belief.extremes(pair, level, at)[:, back].reshape(2, n, n)
+        more = np.nan_to_num(surplus(high) - now)
+        saved = np.maximum(now + _SLACK * more, 0.0) - np.maximum(now, 0.0)
+        scores[number] = max(0.0, float(saved.max())) + max(0.0, in_use(low) - cost)
+    order = np.argsort(-scores, kind="stable")[:most]
+    return np.asarray(at[order[scores[order] > _NOTHING * max(1.0, today.objective)]])
 
 
 def _rough_value(stake: Stake, today: Plan, pair: int, attempts: int) -> float:

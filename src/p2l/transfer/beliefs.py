@@ -45,6 +45,9 @@ class Belief(Protocol):
     def outcomes(self, pair: int, attempts: int, at: IntArray) -> tuple[Array, Array]:
         """How probable each number of successes is, [k + 1], and what is then expected of pairs `at`, [k + 1, |at|]."""
 
+    def extremes(self, pair: int, level: float, at: IntArray) -> Array:
+        """[2, |at|] roughly what is expected if the pair is at the low, then at the high end of its interval."""
+
 
 @dataclass(frozen=True)
 class BetaBelief:
@@ -73,6 +76,12 @@ class BetaBelief:
         means = np.tile(self.mean[at], (attempts + 1, 1))
         means[:, at == pair] = ((a + count) / (a + b + attempts))[:, None]
         return probability / probability.sum(), means
+
+    def extremes(self, pair: int, level: float, at: IntArray) -> Array:
+        """As in `Belief`."""
+        tail = 0.5 * (1.0 - level)
+        ends = np.asarray(stats.beta.ppf([tail, 1.0 - tail], self.successes[pair], self.failures[pair]))
+        return np.where(at == pair, ends[:, None], self.mean[at])
 
 
 @dataclass(frozen=True)
@@ -112,6 +121,13 @@ class LatentBelief:
         joint = _WX * special.comb(attempts, count) * p**count * (1.0 - p) ** (attempts - count)
         probability = joint.sum(axis=1)
         return probability / probability.sum(), joint @ given / probability[:, None]
+
+    def extremes(self, pair: int, level: float, at: IntArray) -> Array:
+        """As in `Belief`, with MacKay's approximation of the expectation, which is quick and right to some percent."""
+        reach = float(special.ndtri(0.5 + 0.5 * level)) * np.array([[-1.0], [1.0]])
+        slope = self.covariance(pair)[at] / np.sqrt(max(float(self.variance[pair]), 1e-12))
+        rest = np.maximum(self.variance[at] - slope**2, 0.0)
+        return np.asarray(special.expit((self.logit[at] + slope * reach) / np.sqrt(1.0 + 0.125 * np.pi * rest)))
 
     def corrected(self, platt: Platt) -> LatentBelief:
         """The same after Platt's correction, which keeps normal logits normal."""
