@@ -73,6 +73,19 @@ def test_the_covariance_of_a_belief_is_consistent_with_its_variances(example):
     assert np.linalg.eigvalsh(matrix).min() > 0.0
 
 
+@pytest.mark.parametrize(("wins", "total"), [(3000, 10_000), (10_000, 10_000), (0, 1)])
+def test_one_pair_is_as_sure_as_its_counts_allow(wins, total):
+    """Against an integral of one dimension."""
+    posterior = expectation_propagation(np.eye(1) * 4.0, np.zeros(1), np.array([wins]), np.array([total]), np.zeros(1))
+    f = np.linspace(-12.0, 12.0, 400_001)
+    log_weight = wins * f - total * np.logaddexp(0.0, f) - f**2 / 8.0
+    weight = np.exp(log_weight - log_weight.max())
+    mean = (weight * f).sum() / weight.sum()
+    assert 4.0 * posterior.weight[0] == pytest.approx(mean, abs=2e-3)
+    variance = (weight * (f - mean) ** 2).sum() / weight.sum()
+    assert 4.0 - 16.0 * posterior.precision[0, 0] == pytest.approx(variance, rel=0.02)
+
+
 def test_many_trials_of_one_pair_leave_little_doubt(example):
     tasks, _, _ = example
     pair = pairs_of(tasks, np.array([0]), np.array([1]))

@@ -99,6 +99,23 @@ def test_too_few_trials_choose_nothing_and_say_so(trials, reason):
     assert reason in choice.reason
 
 
+@pytest.mark.parametrize("kind", ["family", "words", "a number", "two tasks", "more folds than tasks"])
+def test_little_that_is_known_of_tasks_is_enough_or_is_told(kind):
+    rng, m = RNG(1), 2 if kind == "two tasks" else 12
+    numeric = rng.normal(size=(m, 1 if kind == "a number" else 0))
+    words = rng.integers(0, 3, (m, 1 if kind == "words" else 0))
+    family = np.arange(m) % 3 if kind == "family" or m == 2 else None
+    tasks = shop.TaskTable(
+        tuple("abcdefghijkl"[:m]), ("x",) * numeric.shape[1], numeric, ("y",) * words.shape[1], words, family
+    )
+    taught, tested = np.divmod(rng.choice(m * m, min(60, m * m), replace=False), m)
+    trials = Trials(taught, tested, rng.integers(0, 3, len(taught)), np.full(len(taught), 2))
+    folds = 20 if kind == "more folds than tasks" else 4
+    choice = choose(shop.setting(tasks, 5), trials, list(MODELS), folds, 4, rng)
+    assert (len(choice.scores) == 0) == (kind in ("two tasks", "more folds than tasks"))
+    assert choice.model in MODELS
+
+
 def test_an_ensemble_has_to_be_better_by_more_than_a_standard_error():
     n = np.full(4, 10)
     held = validation._Held(np.zeros(4), np.zeros(4), n, n, np.arange(4))

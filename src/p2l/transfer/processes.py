@@ -175,18 +175,27 @@ def expectation_propagation(
         centre = mean + covariance @ posterior.weight
         cavity = np.maximum(1.0 / variance - site, 1e-8)
         cavity_mean = (centre / variance - pull) / cavity
-        f = cavity_mean + _GRID[:, None] / np.sqrt(cavity)
-        log_weight = successes * f - attempts * np.logaddexp(0.0, f) - 0.5 * _GRID[:, None] ** 2
-        weight = np.exp(log_weight - log_weight.max(axis=0))
-        weight /= weight.sum(axis=0)
-        tilted = (weight * f).sum(axis=0)
-        spread = np.maximum((weight * (f - tilted) ** 2).sum(axis=0), 1e-10)
+        tilted, spread = _tilted(cavity_mean, cavity, successes, attempts)
         change = np.maximum(1.0 / spread - cavity, 1e-8) - site
         site = site + _DAMPING * change
         pull = pull + _DAMPING * (tilted / spread - cavity * cavity_mean - pull)
         if np.abs(tilted - centre).max() < _SETTLED and np.abs(spread - variance).max() < _SETTLED:
             break
     return _given_sites(covariance, mean, site, pull)
+
+
+def _tilted(mean: Array, precision: Array, successes: IntArray, attempts: IntArray) -> tuple[Array, Array]:
+    """Means and variances [N] of normal cavities times binomial likelihoods, on a grid, then on one that fits."""
+    centre, reach = mean, 1.0 / np.sqrt(precision)
+    for _ in range(2):
+        f = centre + reach * _GRID[:, None]
+        log_weight = successes * f - attempts * np.logaddexp(0.0, f) - 0.5 * precision * (f - mean) ** 2
+        weight = np.exp(log_weight - log_weight.max(axis=0))
+        weight /= weight.sum(axis=0)
+        centre = (weight * f).sum(axis=0)
+        variance = np.maximum((weight * (f - centre) ** 2).sum(axis=0), 1e-10)
+        reach = np.maximum(np.sqrt(variance), reach * (_GRID[1] - _GRID[0]))  # the grid may be too coarse to tell
+    return centre, variance
 
 
 def _given_sites(covariance: Array, mean: Array, site: Array, pull: Array) -> Posterior:

@@ -129,7 +129,7 @@ def choose(
     """
     split = deal_folds(setting, folds, rng)
     setting = replace(setting, members=min(setting.members, _MEMBERS))
-    if why := _too_few(trials, split, fewest):
+    if why := _too_few(trials, split, folds, fewest):
         return Choice(BASELINE, Correction(), (), why)
     names = list(dict.fromkeys([BASELINE, *models]))
     held: dict[str, _Held] = {}
@@ -148,7 +148,7 @@ def choose(
     return Choice(best.model, correction, tuple(ranked), _reason(best, base))
 
 
-def _too_few(trials: Trials, split: IntArray, fewest: int) -> str:
+def _too_few(trials: Trials, split: IntArray, folds: int, fewest: int) -> str:
     """Why models cannot be compared; empty if they can."""
     if not len(trials):
         return "no trials: the stated prior alone"
@@ -157,7 +157,7 @@ def _too_few(trials: Trials, split: IntArray, fewest: int) -> str:
     total, wins = int(trials.attempts.sum()), int(trials.successes.sum())
     if min(wins, total - wins) < 3:
         return "fewer than 3 trials of one outcome: stated prior and success rates by kind of pair"
-    for number in range(int(split.max()) + 1):
+    for number in range(folds):
         held = (split[trials.taught] == number) | (split[trials.tested] == number)
         if not held.any() or held.all():
             return "a fold of tasks has no trials, or all: stated prior and success rates by kind of pair"
