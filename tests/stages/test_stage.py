@@ -196,6 +196,7 @@ NEEDS = {
     "check_plan": set(),
     "export": {"mujoco", "torch"},
     "plan": set(),
+    "predict_transfer": set(),
     "evaluate_chains": {"mujoco", "torch", "matplotlib"},
     "evaluate_recoveries": {"mujoco", "matplotlib"},
     "evaluate_team": {"mujoco"},

@@ -20,6 +20,7 @@ from p2l.schema.metareskill import (
     LearnRecoveriesConfig,
 )
 from p2l.schema.pipeline import ConfigStageConfig, ReportConfig
+from p2l.schema.prediction import PredictTransferConfig
 from p2l.schema.recovery import ClusterConfig, DiscoverConfig, WatchConfig
 from p2l.schema.team import CheckPlanConfig, CollectConfig, EvaluateTeamConfig, FitTransferConfig, PlanConfig
 
@@ -28,6 +29,7 @@ SCHEMAS: Mapping[str, type[StageConfig]] = {
     "fit_transfer": FitTransferConfig,
     "plan": PlanConfig,
     "check_plan": CheckPlanConfig,
+    "predict_transfer": PredictTransferConfig,
     "evaluate_team": EvaluateTeamConfig,
     "fit_preconditions": FitPreconditionsConfig,
     "discover": DiscoverConfig,
@@ -69,6 +71,7 @@ __all__ = [
     "IterateRecoveriesConfig",
     "LearnRecoveriesConfig",
     "PlanConfig",
+    "PredictTransferConfig",
     "ReportConfig",
     "StageConfig",
     "WatchConfig",
