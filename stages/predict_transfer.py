@@ -22,7 +22,7 @@ def run(cfg: PredictTransferConfig, out: Path, track: Tracker) -> None:
     from p2l.team.information import Stake, outlook
     from p2l.team.trial_files import read_features, read_orders, read_trials
     from p2l.transfer.few_trials import Prior, Trials
-    from p2l.transfer.pair_models import Setting
+    from p2l.transfer.pair_models import FitSetting
     from p2l.transfer.prediction import predict, summary_of
 
     table = out / "transfer.csv"
@@ -33,7 +33,7 @@ def run(cfg: PredictTransferConfig, out: Path, track: Tracker) -> None:
     orders = read_orders(cfg.orders, tasks.names, cfg.features, cfg.order) if cfg.orders else None
     if cfg.trials is None and tasks.family is None:
         raise InputError.at(cfg.features, 1, "family", "column is missing; without trials it is all there is to go by")
-    setting = Setting(tasks, Prior(**fields_of(cfg.prior, Prior)), cfg.members)
+    setting = FitSetting(tasks, Prior(**fields_of(cfg.prior, Prior)), cfg.members)
     with bar("comparing models", " fits") as show:
         rng = generator(cfg.seed, "predict_transfer")
         sizes = (cfg.folds, cfg.fewest_pairs, cfg.level)

@@ -99,7 +99,7 @@ def correlated(rng, size, spread):
     return LatentBelief(rng.normal(-0.5, 1.5, size), np.diag(covariance).copy(), lambda pair: covariance[pair])
 
 
-@settings(max_examples=15)
+@settings(max_examples=8)
 @given(st.integers(0, 10_000), st.sampled_from(["fixed", "any"]))
 def test_no_trial_is_worth_less_than_nothing_and_more_attempts_are_worth_no_less(seed, order):
     rng = np.random.default_rng(seed)

@@ -9,7 +9,7 @@ from p2l.errors import ArtifactError, InputError
 from p2l.team.transfer_files import LONG, check_output, transfer_text
 from p2l.team.trial_files import read_features, read_orders, read_trials
 from p2l.transfer.few_trials import Prior, Trials
-from p2l.transfer.pair_models import Setting
+from p2l.transfer.pair_models import FitSetting
 from p2l.transfer.prediction import predict
 
 FEATURES = "task,mm,family,material,kg\npeg,8,p,steel,1\nhole,9.5,p,wood,2\nclip,3,c,steel,1e-1\n"
@@ -127,7 +127,7 @@ def test_wrong_orders_are_told_in_one_message(write, rows, parts):
 def test_a_table_in_both_forms_holds_the_same_numbers(write):
     tasks = read_features(write(FEATURES.replace("peg", "=peg")))
     trials = Trials(*(np.array([each]) for each in (0, 1, 3, 4)))
-    prediction = predict(Setting(tasks, Prior()), trials, ("gp",), 2, 15, 0.9, rng=np.random.default_rng(0))
+    prediction = predict(FitSetting(tasks, Prior()), trials, ("gp",), 2, 15, 0.9, rng=np.random.default_rng(0))
     long = [line.split(",") for line in transfer_text(prediction, "long").splitlines()]
     square = [line.split(",") for line in transfer_text(prediction, "square").splitlines()]
     assert tuple(long[0]) == LONG

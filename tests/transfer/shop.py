@@ -4,7 +4,7 @@ import numpy as np
 from scipy.special import expit
 
 from p2l.transfer.few_trials import Prior, TaskTable, Trials
-from p2l.transfer.pair_models import Setting
+from p2l.transfer.pair_models import FitSetting
 
 
 def table(rng, m=20, families=5):
@@ -32,4 +32,4 @@ def tried(p, rng, pairs=60, attempts=4):
 
 def setting(tasks, members=20, **prior):
     """Tasks with the default prior."""
-    return Setting(tasks, Prior(**prior), members)
+    return FitSetting(tasks, Prior(**prior), members)

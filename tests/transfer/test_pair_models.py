@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from p2l.transfer.few_trials import SAME_FAMILY, SAME_TASK, Prior, Trials, all_pairs
-from p2l.transfer.pair_models import MODELS, Setting, ensemble, own_counts, rates
+from p2l.transfer.pair_models import MODELS, FitSetting, ensemble, own_counts, rates
 from p2l.transfer.prediction import predict
 from tests.transfer import shop
 
@@ -57,7 +57,7 @@ def test_turning_a_pair_s_failures_into_successes_raises_it(example, name):
 def test_without_trials_the_stated_prior_is_all():
     tasks = shop.table(np.random.default_rng(0))
     query = all_pairs(tasks)
-    setting = Setting(tasks, Prior(0.95, 0.7, 0.2, 4.0))
+    setting = FitSetting(tasks, Prior(0.95, 0.7, 0.2, 4.0))
     belief = rates(setting, Trials.none(), query, np.random.default_rng(0))
     np.testing.assert_allclose(belief.mean, np.array([0.95, 0.7, 0.2])[query.group])
     np.testing.assert_allclose(belief.successes + belief.failures, 4.0)
@@ -68,7 +68,7 @@ def test_rates_of_one_trial_by_hand():
     tasks = shop.table(np.random.default_rng(0))
     trials = Trials(*(np.array([each]) for each in (0, 5, 1, 1)))  # families repeat every 5 tasks
     query = all_pairs(tasks)
-    belief = rates(Setting(tasks, Prior()), trials, query, np.random.default_rng(0))
+    belief = rates(FitSetting(tasks, Prior()), trials, query, np.random.default_rng(0))
     family = query.group == SAME_FAMILY
     itself = (query.taught == 0) & (query.tested == 5)
     np.testing.assert_allclose(belief.mean[family & ~itself], 2.2 / 3.0)

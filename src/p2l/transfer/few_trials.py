@@ -141,7 +141,7 @@ class Prior:
 
 
 @dataclass(frozen=True)
-class Pairs:
+class TaskPairs:
     """Ordered pairs as models see them.
 
     Attributes:
@@ -165,9 +165,9 @@ class Pairs:
     def __len__(self) -> int:
         return len(self.taught)
 
-    def take(self, rows: IntArray) -> Pairs:
+    def take(self, rows: IntArray) -> TaskPairs:
         """Some of them."""
-        return Pairs(*(getattr(self, field.name)[rows] for field in fields(self)))
+        return TaskPairs(*(getattr(self, field.name)[rows] for field in fields(self)))
 
     @property
     def size(self) -> Array:
@@ -185,7 +185,7 @@ class Pairs:
         return np.hstack([self.size, self.signed, self.same])
 
 
-def pairs_of(tasks: TaskTable, taught: IntArray, tested: IntArray) -> Pairs:
+def pairs_of(tasks: TaskTable, taught: IntArray, tested: IntArray) -> TaskPairs:
     """The pairs of these task indices [Q]."""
     values = tasks.standardised
     itself = taught == tested
@@ -197,7 +197,7 @@ def pairs_of(tasks: TaskTable, taught: IntArray, tested: IntArray) -> Pairs:
     signed = values[tested] - values[taught]
     m = len(values)
     typical = np.abs(values[:, None] - values).sum(axis=(0, 1)) / max(1, m * (m - 1))
-    return Pairs(
+    return TaskPairs(
         taught=taught,
         tested=tested,
         signed=signed,
@@ -208,7 +208,7 @@ def pairs_of(tasks: TaskTable, taught: IntArray, tested: IntArray) -> Pairs:
     )
 
 
-def all_pairs(tasks: TaskTable) -> Pairs:
+def all_pairs(tasks: TaskTable) -> TaskPairs:
     """Every ordered pair, M · M of them, the tested task fastest."""
     m = len(tasks.names)
     return pairs_of(tasks, np.repeat(np.arange(m), m), np.tile(np.arange(m), m))

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from p2l.records import Array
-from p2l.transfer.few_trials import Pairs
+from p2l.transfer.few_trials import TaskPairs
 from p2l.transfer.processes import Kernel
 
 _OFFSET = 1.5  # variance of the constant, of a logit
@@ -27,13 +27,13 @@ def linear_kernel(features: int, same: int) -> Kernel:
     def weights(theta: Array) -> Array:
         return np.exp(2.0 * theta[:3])[blocks]
 
-    def value(theta: Array, query: Pairs, tried: Pairs) -> Array:
+    def value(theta: Array, query: TaskPairs, tried: TaskPairs) -> Array:
         return _OFFSET + (query.linear * weights(theta)) @ tried.linear.T
 
-    def diagonal(theta: Array, query: Pairs) -> Array:
+    def diagonal(theta: Array, query: TaskPairs) -> Array:
         return _OFFSET + query.linear**2 @ weights(theta)
 
-    def slopes(theta: Array, tried: Pairs) -> Sequence[Array]:
+    def slopes(theta: Array, tried: TaskPairs) -> Sequence[Array]:
         x, w = tried.linear, weights(theta)
         return [2.0 * (x[:, blocks == each] * w[blocks == each]) @ x[:, blocks == each].T for each in range(3)]
 
@@ -48,14 +48,14 @@ def smooth_kernel(features: int, same: int) -> Kernel:
     features. θ: log deviation of the process, log weights of F features and C indicators, log a, log own effect.
     """
 
-    def parts(query: Pairs, tried: Pairs, a: float) -> tuple[Array, Array]:
+    def parts(query: TaskPairs, tried: TaskPairs, a: float) -> tuple[Array, Array]:
         """Squared distances [F + C, Q, N] and what of them is due to a [F, Q, N]."""
         sizes = (query.size.T[:, :, None] - tried.size.T[:, None, :]) ** 2
         signed = a * (query.signed.T[:, :, None] - tried.signed.T[:, None, :]) ** 2
         alike = (query.same.T[:, :, None] - tried.same.T[:, None, :]) ** 2
         return np.concatenate([sizes + signed, alike]), signed
 
-    def value(theta: Array, query: Pairs, tried: Pairs) -> Array:
+    def value(theta: Array, query: TaskPairs, tried: TaskPairs) -> Array:
         """Without the parts, by products of matrices: there may be thousands of pairs."""
         a, w = np.exp(theta[-2]), np.exp(theta[1 : 1 + features + same])
         scale = np.sqrt(np.concatenate([w[:features], a * w[:features], w[features:]]))
@@ -63,10 +63,10 @@ def smooth_kernel(features: int, same: int) -> Kernel:
         distance = (x**2).sum(axis=1)[:, None] + (y**2).sum(axis=1) - 2.0 * x @ y.T
         return np.asarray(_OFFSET + np.exp(2.0 * theta[0] - 0.5 * np.maximum(distance, 0.0)))
 
-    def diagonal(theta: Array, query: Pairs) -> Array:
+    def diagonal(theta: Array, query: TaskPairs) -> Array:
         return np.full(len(query), _OFFSET + np.exp(2.0 * theta[0]))
 
-    def slopes(theta: Array, tried: Pairs) -> Sequence[Array]:
+    def slopes(theta: Array, tried: TaskPairs) -> Sequence[Array]:
         w = np.exp(theta[1 : 1 + features + same])
         distances, signed = parts(tried, tried, float(np.exp(theta[-2])))
         process = value(theta, tried, tried) - _OFFSET

@@ -20,7 +20,7 @@ from threadpoolctl import threadpool_limits
 
 from p2l.records import Array
 from p2l.transfer.beliefs import Belief, BetaBelief, LatentBelief
-from p2l.transfer.few_trials import OTHER, Pairs, Prior, TaskTable, Trials, pairs_of
+from p2l.transfer.few_trials import OTHER, Prior, TaskPairs, TaskTable, Trials, pairs_of
 from p2l.transfer.kernels import linear_kernel, smooth_kernel
 from p2l.transfer.processes import Kernel, belief_of, fit_process
 
@@ -31,7 +31,7 @@ _GRID = 2.0 ** np.arange(-2.0, 5.0)  # multiples of the stated pseudo-count
 
 
 @dataclass(frozen=True)
-class Setting:
+class FitSetting:
     """What a model works with besides the trials.
 
     Attributes:
@@ -50,10 +50,10 @@ class Setting:
         return self.prior.of_groups(self.tasks.family is not None)
 
 
-Model = Callable[[Setting, Trials, Pairs, np.random.Generator], Belief]
+Model = Callable[[FitSetting, Trials, TaskPairs, np.random.Generator], Belief]
 
 
-def rates(setting: Setting, trials: Trials, query: Pairs, rng: np.random.Generator) -> BetaBelief:  # noqa: ARG001
+def rates(setting: FitSetting, trials: Trials, query: TaskPairs, rng: np.random.Generator) -> BetaBelief:  # noqa: ARG001
     """Success by kind of pair: the stated prior, its kind's other trials, then the pair's own trials.
 
     How far pairs of one kind differ is the pseudo-count, which trials may change by their beta-binomial likelihood.
@@ -62,7 +62,7 @@ def rates(setting: Setting, trials: Trials, query: Pairs, rng: np.random.Generat
     count = setting.prior.pseudo_count
     sums = [np.bincount(tried.group, each, OTHER + 1) for each in (trials.successes, trials.attempts)]
 
-    def means(pairs: Pairs, successes: Array, attempts: Array) -> Array:
+    def means(pairs: TaskPairs, successes: Array, attempts: Array) -> Array:
         stated = count * setting.group_rates[pairs.group]
         return (stated + sums[0][pairs.group] - successes) / (count + sums[1][pairs.group] - attempts)
 
@@ -78,17 +78,17 @@ def rates(setting: Setting, trials: Trials, query: Pairs, rng: np.random.Generat
     return BetaBelief(chosen * mean + own[0], chosen * (1.0 - mean) + own[1] - own[0])
 
 
-def logistic(setting: Setting, trials: Trials, query: Pairs, rng: np.random.Generator) -> LatentBelief:  # noqa: ARG001
+def logistic(setting: FitSetting, trials: Trials, query: TaskPairs, rng: np.random.Generator) -> LatentBelief:  # noqa: ARG001
     """Bayesian logistic regression with an effect of each pair's own."""
     return _process(linear_kernel(query.signed.shape[1], query.same.shape[1]), setting, trials, query)
 
 
-def gp(setting: Setting, trials: Trials, query: Pairs, rng: np.random.Generator) -> LatentBelief:  # noqa: ARG001
+def gp(setting: FitSetting, trials: Trials, query: TaskPairs, rng: np.random.Generator) -> LatentBelief:  # noqa: ARG001
     """Gaussian process classification of the differences."""
     return _process(smooth_kernel(query.signed.shape[1], query.same.shape[1]), setting, trials, query)
 
 
-def _process(kernel: Kernel, setting: Setting, trials: Trials, query: Pairs) -> LatentBelief:
+def _process(kernel: Kernel, setting: FitSetting, trials: Trials, query: TaskPairs) -> LatentBelief:
     stated = special.logit(setting.group_rates)
     tried = pairs_of(setting.tasks, trials.taught, trials.tested)
     with threadpool_limits(1, "blas"):  # hundreds of small matrices: threads would wait for each other
@@ -96,7 +96,7 @@ def _process(kernel: Kernel, setting: Setting, trials: Trials, query: Pairs) -> 
     return belief_of(kernel, theta, posterior, tried, query, stated[query.group])
 
 
-def trees(setting: Setting, trials: Trials, query: Pairs, rng: np.random.Generator) -> LatentBelief:
+def trees(setting: FitSetting, trials: Trials, query: TaskPairs, rng: np.random.Generator) -> LatentBelief:
     """Extremely randomised trees on both tasks' features, their differences and what is the same."""
     from sklearn.ensemble import ExtraTreesRegressor
 
@@ -112,7 +112,7 @@ def trees(setting: Setting, trials: Trials, query: Pairs, rng: np.random.Generat
     return ensemble(logits)
 
 
-def net(setting: Setting, trials: Trials, query: Pairs, rng: np.random.Generator) -> LatentBelief:
+def net(setting: FitSetting, trials: Trials, query: TaskPairs, rng: np.random.Generator) -> LatentBelief:
     """The thesis's network of two layers on the difference of two tasks, its members side by side, by Adam."""
     tried = pairs_of(setting.tasks, trials.taught, trials.tested)
     x, asked = (np.hstack([pairs.signed, pairs.same]) for pairs in (tried, query))
@@ -168,7 +168,7 @@ def ensemble(logits: Array) -> LatentBelief:
     return LatentBelief(mean, variance, covariance)
 
 
-def own_counts(query: Pairs, trials: Trials) -> tuple[Array, Array]:
+def own_counts(query: TaskPairs, trials: Trials) -> tuple[Array, Array]:
     """[Q] successes and [Q] attempts of each pair itself."""
     m = 1 + max(int(each.max(initial=0)) for each in (query.taught, query.tested, trials.taught, trials.tested))
     tables = np.zeros((2, m * m))
@@ -177,7 +177,7 @@ def own_counts(query: Pairs, trials: Trials) -> tuple[Array, Array]:
     return own[0], own[1]
 
 
-def _bootstrap(setting: Setting, trials: Trials, rng: np.random.Generator) -> Array:
+def _bootstrap(setting: FitSetting, trials: Trials, rng: np.random.Generator) -> Array:
     """[E, N] weights of the trials: exponential ones of tasks, multiplied, times attempts."""
     task = rng.exponential(size=(setting.members, len(setting.tasks.names)))
     return np.asarray(task[:, trials.taught] * task[:, trials.tested] * trials.attempts)

@@ -12,9 +12,9 @@ from scipy import special
 
 from p2l.records import Array, IntArray
 from p2l.transfer.beliefs import Belief, LatentBelief
-from p2l.transfer.few_trials import Pairs, Trials, all_pairs, pairs_of
-from p2l.transfer.pair_models import ENSEMBLES, MODELS, Setting, own_counts
-from p2l.transfer.validation import Choice, Correction, Report, choose
+from p2l.transfer.few_trials import TaskPairs, Trials, all_pairs, pairs_of
+from p2l.transfer.pair_models import ENSEMBLES, MODELS, FitSetting, own_counts
+from p2l.transfer.validation import Correction, ModelChoice, Report, choose
 
 _NODES, _WEIGHTS = np.polynomial.hermite_e.hermegauss(31)
 _NAMED = 3  # trials that are named for a pair
@@ -35,7 +35,7 @@ class Prediction:
     """
 
     names: tuple[str, ...]
-    choice: Choice
+    choice: ModelChoice
     belief: Belief
     low: Array
     high: Array
@@ -51,7 +51,7 @@ class Prediction:
 
 
 def predict(
-    setting: Setting,
+    setting: FitSetting,
     trials: Trials,
     models: Sequence[str],
     folds: int,
@@ -111,7 +111,7 @@ def summary_of(prediction: Prediction, level: float) -> dict[str, Any]:
     }
 
 
-def corrected(belief: Belief, choice: Choice, query: Pairs, trials: Trials) -> Belief:
+def corrected(belief: Belief, choice: ModelChoice, query: TaskPairs, trials: Trials) -> Belief:
     """A belief after Platt's correction and, for an ensemble, with effects that single pairs have of their own."""
     if not isinstance(belief, LatentBelief):
         return belief
@@ -119,7 +119,7 @@ def corrected(belief: Belief, choice: Choice, query: Pairs, trials: Trials) -> B
     return _with_own_effects(fixed, choice.correction, query, trials) if choice.model in ENSEMBLES else fixed
 
 
-def _with_own_effects(belief: LatentBelief, correction: Correction, query: Pairs, trials: Trials) -> LatentBelief:
+def _with_own_effects(belief: LatentBelief, correction: Correction, query: TaskPairs, trials: Trials) -> LatentBelief:
     """A tried pair's own effect is what its trials say beyond the ensemble's mean; another one's is open."""
     successes, attempts = own_counts(query, trials)
     effect = np.sqrt(correction.own_variance) * _NODES[:, None]
@@ -134,7 +134,7 @@ def _with_own_effects(belief: LatentBelief, correction: Correction, query: Pairs
     return shifted.loosened(np.maximum(variance, 1e-9))
 
 
-def _support(setting: Setting, trials: Trials, query: Pairs) -> IntArray:
+def _support(setting: FitSetting, trials: Trials, query: TaskPairs) -> IntArray:
     """[Q, S] the trials nearest in the space of pairs, of many attempts rather than few; the pair's own first."""
     count = min(_NAMED, len(trials))
     tried = pairs_of(setting.tasks, trials.taught, trials.tested)

@@ -16,7 +16,7 @@ from scipy import linalg, optimize, special
 
 from p2l.records import Array, IntArray
 from p2l.transfer.beliefs import LatentBelief
-from p2l.transfer.few_trials import Pairs
+from p2l.transfer.few_trials import TaskPairs
 
 _STEPS, _TOLERANCE = 60, 1e-9
 _SWEEPS, _DAMPING, _SETTLED = 60, 0.7, 1e-5
@@ -38,9 +38,9 @@ class Kernel:
 
     centre: Array
     spread: Array
-    value: Callable[[Array, Pairs, Pairs], Array]
-    diagonal: Callable[[Array, Pairs], Array]
-    slopes: Callable[[Array, Pairs], Sequence[Array]]
+    value: Callable[[Array, TaskPairs, TaskPairs], Array]
+    diagonal: Callable[[Array, TaskPairs], Array]
+    slopes: Callable[[Array, TaskPairs], Sequence[Array]]
 
 
 @dataclass(frozen=True)
@@ -106,7 +106,7 @@ def posterior_mode(
 
 
 def fit_process(
-    kernel: Kernel, pairs: Pairs, mean: Array, successes: IntArray, attempts: IntArray, iterations: int = 40
+    kernel: Kernel, pairs: TaskPairs, mean: Array, successes: IntArray, attempts: IntArray, iterations: int = 40
 ) -> tuple[Array, Posterior]:
     """θ [H] of the largest evidence times prior, and the posterior there."""
     last = [mean.copy()]
@@ -126,7 +126,7 @@ def fit_process(
 
 
 def mode_at(
-    kernel: Kernel, theta: Array, pairs: Pairs, mean: Array, successes: IntArray, attempts: IntArray, start: Array
+    kernel: Kernel, theta: Array, pairs: TaskPairs, mean: Array, successes: IntArray, attempts: IntArray, start: Array
 ) -> Mode:
     """The mode with these hyperparameters."""
     own = np.exp(2.0 * theta[-1])
@@ -136,7 +136,7 @@ def mode_at(
 
 
 def belief_of(
-    kernel: Kernel, theta: Array, posterior: Posterior, tried: Pairs, query: Pairs, mean: Array
+    kernel: Kernel, theta: Array, posterior: Posterior, tried: TaskPairs, query: TaskPairs, mean: Array
 ) -> LatentBelief:
     """What the trials of N pairs say of Q others (or the same); mean [Q] is that of the prior."""
     own = np.exp(2.0 * theta[-1])
@@ -207,7 +207,7 @@ def _given_sites(covariance: Array, mean: Array, site: Array, pull: Array) -> Po
     return Posterior(b - precision @ (covariance @ b), precision)
 
 
-def same_pairs(query: Pairs, tried: Pairs) -> Array:
+def same_pairs(query: TaskPairs, tried: TaskPairs) -> Array:
     """[Q, N] 1 where both are the same pair."""
     alike = (query.taught[:, None] == tried.taught) & (query.tested[:, None] == tried.tested)
     return alike.astype(np.float64)

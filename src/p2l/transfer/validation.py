@@ -16,7 +16,7 @@ from p2l.records import Array, IntArray
 from p2l.transfer.beliefs import LatentBelief, expected_success
 from p2l.transfer.calibration import EPSILON, Platt
 from p2l.transfer.few_trials import Trials, pairs_of
-from p2l.transfer.pair_models import ENSEMBLES, MODELS, Setting
+from p2l.transfer.pair_models import ENSEMBLES, MODELS, FitSetting
 
 BASELINE = "rates"
 _ENOUGH = 40  # trials, a quarter of them of each outcome, from which a correction is fitted
@@ -60,7 +60,7 @@ class Correction:
 
 
 @dataclass(frozen=True)
-class Choice:
+class ModelChoice:
     """What was chosen, and why.
 
     Attributes:
@@ -95,7 +95,7 @@ class _Held:
         return -self.successes * np.log(q) - (self.attempts - self.successes) * np.log1p(-q)
 
 
-def deal_folds(setting: Setting, folds: int, rng: np.random.Generator) -> IntArray:
+def deal_folds(setting: FitSetting, folds: int, rng: np.random.Generator) -> IntArray:
     """[M] fold of each task, families spread evenly over them."""
     m = len(setting.tasks.names)
     family = np.zeros(m, dtype=np.int64) if setting.tasks.family is None else setting.tasks.family
@@ -106,14 +106,14 @@ def deal_folds(setting: Setting, folds: int, rng: np.random.Generator) -> IntArr
 
 
 def choose(
-    setting: Setting,
+    setting: FitSetting,
     trials: Trials,
     models: Sequence[str],
     folds: int,
     fewest: int,
     rng: np.random.Generator,
     report: Report | None = None,
-) -> Choice:
+) -> ModelChoice:
     """The model of the smallest log loss on held-out tasks; the baseline where trials are too few to tell.
 
     An ensemble, whose intervals are less honest than a posterior's, has to be better by more than a standard error.
@@ -130,7 +130,7 @@ def choose(
     split = deal_folds(setting, folds, rng)
     setting = replace(setting, members=min(setting.members, _MEMBERS))
     if why := _too_few(trials, split, folds, fewest):
-        return Choice(BASELINE, Correction(), (), why)
+        return ModelChoice(BASELINE, Correction(), (), why)
     names = list(dict.fromkeys([BASELINE, *models]))
     held: dict[str, _Held] = {}
     for turn, name in enumerate(names):
@@ -145,7 +145,7 @@ def choose(
     ranked = sorted((_beside(score, base, held[BASELINE]) for score in scores.values()), key=lambda each: each.loss)
     best = _winner(ranked, held[BASELINE])
     correction = _fit_correction(held[best.model], best.model, best.corrected)
-    return Choice(best.model, correction, tuple(ranked), _reason(best, base))
+    return ModelChoice(best.model, correction, tuple(ranked), _reason(best, base))
 
 
 def _too_few(trials: Trials, split: IntArray, folds: int, fewest: int) -> str:
@@ -165,7 +165,7 @@ def _too_few(trials: Trials, split: IntArray, folds: int, fewest: int) -> str:
 
 
 def _hold_out(
-    setting: Setting, trials: Trials, name: str, split: IntArray, number: int, rng: np.random.Generator
+    setting: FitSetting, trials: Trials, name: str, split: IntArray, number: int, rng: np.random.Generator
 ) -> _Held:
     out = (split[trials.taught] == number) | (split[trials.tested] == number)
     judged = trials.take(np.flatnonzero(out))

@@ -5,7 +5,7 @@ import pytest
 
 from p2l.evaluation.transfer.predicted import prediction_figure
 from p2l.transfer.few_trials import Prior, TaskTable, Trials
-from p2l.transfer.pair_models import Setting
+from p2l.transfer.pair_models import FitSetting
 from p2l.transfer.prediction import predict
 
 
@@ -16,7 +16,7 @@ def test_a_table_of_any_size_is_drawn(m, pairs, named):
     tasks = TaskTable(names, ("x",), rng.normal(size=(m, 1)), (), np.zeros((m, 0), dtype=np.int64), np.arange(m) % 4)
     taught, tested = np.divmod(rng.choice(m * m, pairs, replace=False), m)
     trials = Trials(taught, tested, np.ones(pairs, dtype=np.int64), np.full(pairs, 2))
-    prediction = predict(Setting(tasks, Prior()), trials, ("rates",), 2, 10**6, 0.9, rng=rng)
+    prediction = predict(FitSetting(tasks, Prior()), trials, ("rates",), 2, 10**6, 0.9, rng=rng)
     figure = prediction_figure(prediction, 0.9)
     figure.canvas.draw()
     left, right = figure.axes[:2]
