@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from p2l.team.shop.reading import Reading, read_shop
+from p2l.team.shop.reading import Filling, Reading, read_shop
 
-from p2l.errors import ConfigError
+from p2l.errors import ConfigError, InputError
 from p2l.records import Array
 from p2l.schema import CheckPlanConfig, PlanConfig
 from p2l.team.planners import plan
@@ -21,6 +20,7 @@ from p2l.team.shop.reasons import reasons_of
 from p2l.tracking import Tracker
 
 Order = Literal["fixed", "any"]
+_MODELS, _FOLDS, _FEWEST_PAIRS, _LEVEL = ("logistic", "gp", "trees", "net"), 5, 15, 0.9  # of predict_transfer
 
 
 def read_own_tasks(
@@ -78,11 +78,27 @@ def _plan(cfg: PlanConfig, shop: Shop) -> ShopPlan:
     return plan_shop(shop, time_limit_s=cfg.time_limit_s, gap=cfg.gap)
 
 
-def _predictor(features: Path, trials: Path | None, seed: int) -> Callable[[tuple[str, ...], tuple[str, ...]], Array]:
-    """Fills pairs with what the model of `predict_transfer` says of them."""
-    from p2l.transfer.prediction import predicted_pairs
+def _predictor(features: Path, trials: Path | None, seed: int) -> Filling:
+    """Fills pairs with what `predict_transfer` says of them, at its own settings."""
+    from p2l.seeding import generator
+    from p2l.team.trial_files import read_features, read_trials
+    from p2l.transfer.few_trials import Prior, Trials
+    from p2l.transfer.pair_models import Setting
+    from p2l.transfer.prediction import predict
+
+    tasks = read_features(features)
+    tried = read_trials(trials, tasks.names, features) if trials else Trials.none()
 
     def fill(taught: tuple[str, ...], tested: tuple[str, ...]) -> Array:
-        return np.asarray(predicted_pairs(features, trials, taught, tested, seed))
+        unknown = [name for name in (*taught, *tested) if name not in tasks.names]
+        if unknown:
+            raise InputError.at(
+                features, None, "task", f"has no row for '{unknown[0]}', whose pairs are to be predicted"
+            )
+        rng = generator(seed, "predict_transfer")
+        prediction = predict(Setting(tasks, Prior()), tried, _MODELS, _FOLDS, _FEWEST_PAIRS, _LEVEL, rng=rng)
+        place = {name: index for index, name in enumerate(tasks.names)}
+        rows, columns = ([place[name] for name in names] for names in (taught, tested))
+        return np.asarray(prediction.p[np.ix_(rows, columns)])
 
     return fill

@@ -1,4 +1,4 @@
-"""Make features.csv, trials.csv and orders.csv of a made-up shop: python -m examples.shop.make [folder].
+"""Make features.csv, trials.csv, orders.csv and before.csv of a made-up shop: python -m examples.shop.make [folder].
 
 28 tasks of 9 families. The hidden truth, which no file tells: a skill taught on i solves j with probability
 sigmoid(2.5 - 2.5 [other family] - 0.8 [other material] - 0.8 |log2 ratio of diameters| - 0.2 |log2 ratio of lengths|
@@ -17,9 +17,11 @@ FAMILIES = {  # tasks; typical diameter in mm, length in mm, clearance in µm, m
     "cover": (2, 80, 5, 600, 0.40), "cable": (2, 6, 200, 800, 0.15), "spring": (2, 9, 35, 500, 0.02),
 }  # fmt: skip
 CATALOGUE = ("peg_5", "connector_4", "screw_4")  # lessons that could be given, and no orders of today
-COSTS = ((1, 4), (8, 15), (8, 20), (15, 30))  # minutes, from and below
-HEADERS = ("task,diameter_mm,length_mm,clearance_um,mass_kg,material,family", "taught,tested,successes,attempts",
-           "task,c_rob,c_hum,c_fail,c_demo,pretrained,family,count")  # fmt: skip
+COSTS = ((1, 4), (8, 15), (8, 20), (15, 30))  # minutes
+BEFORE = (("peg", "bearing"), ("bearing", "gear"), ("gear", "cover"), ("connector", "cable"))  # of each machine
+HEADERS = {"features": "task,diameter_mm,length_mm,clearance_um,mass_kg,material,family", "before": "before,after",
+           "trials": "taught,tested,successes,attempts",
+           "orders": "task,c_rob,c_hum,c_fail,c_demo,pretrained,family,count"}  # fmt: skip
 
 
 def tasks(rng):
@@ -40,18 +42,20 @@ def truth(rows, rng):
 
 
 def main(folder=Path(__file__).parent, seed=3, n_trials=60):
-    """Write the three files; returns the hidden truth."""
+    """Write the four files; returns the hidden truth."""
     rng = np.random.default_rng(seed)
     p, alike = truth(rows := list(tasks(rng)), rng)
-    odds = np.where(alike, 12.0, 1.0).ravel() / np.where(alike, 12.0, 1.0).sum()  # who tries, tries what looks alike
-    tried = np.sort(rng.choice(p.size, n_trials, replace=False, p=odds)).tolist()
+    odds = np.where(alike, 12.0, 1.0) / np.where(alike, 12.0, 1.0).sum()  # who tries, tries what looks alike
+    tried = np.sort(rng.choice(p.size, n_trials, replace=False, p=odds.ravel())).tolist()
     pairs = [(*divmod(pair, len(rows)), rng.integers(1, 6)) for pair in tried]
     trials = [[rows[i][0], rows[j][0], rng.binomial(n, p[i, j]), n] for i, j, n in pairs]
     orders = [[r[0], *(rng.integers(*span) for span in COSTS), 0.8 * (r[6] == "cover"), r[6], rng.integers(1, 4)]
               for r in rng.permutation(np.array(rows, dtype=object)).tolist() if r[0] not in CATALOGUE]  # fmt: skip
-    for name, header, table in zip(("features", "trials", "orders"), HEADERS, (rows, trials, orders), strict=True):
+    today = {order[0] for order in orders}
+    arcs = [pair for a, b in BEFORE for k in "123" if today.issuperset(pair := (f"{a}_{k}", f"{b}_{k}"))]
+    for name, table in (("features", rows), ("trials", trials), ("orders", orders), ("before", arcs)):
         with (Path(folder) / f"{name}.csv").open("w", encoding="utf-8", newline="") as stream:
-            csv.writer(stream, lineterminator="\n").writerows([header.split(","), *table])
+            csv.writer(stream, lineterminator="\n").writerows([HEADERS[name].split(","), *table])
     return p
 
 
