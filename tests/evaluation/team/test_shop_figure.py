@@ -63,7 +63,7 @@ def test_bars_are_the_costs_of_the_rows_and_add_up_to_the_plan(shop):
     assert sum(row.expected_cost for row in rows) == pytest.approx(made.objective)
     assert sum(row.copies for row in rows) == shop.count.sum()
     certain, risk = [each for each in figure.axes[-1].collections if isinstance(each, PolyCollection)]
-    tops = {place: 0.0 for place in range(1, len(rows) + 1)}
+    tops = dict.fromkeys(range(1, len(rows) + 1), 0.0)
     for box in [*certain.get_paths(), *risk.get_paths()]:
         x, y = box.vertices.max(axis=0)
         tops[round(x - 0.4)] = max(tops[round(x - 0.4)], y)
@@ -140,7 +140,7 @@ def test_a_name_without_glyphs_is_numbered_with_one_warning(tmp_path, rare):
     with pytest.warns(UserWarning, match="3 names have letters that no installed font") as caught:
         save_shop_figure(tmp_path / "plan.png", shop, made)
     assert len(caught) == 1
-    with pytest.warns(UserWarning):
+    with pytest.warns(UserWarning, match="numbers of rows"):
         figure = shop_figure(shop, made)
     texts = labels(figure.axes[-1])
     rows = plan_rows(shop, made)
@@ -185,7 +185,7 @@ def write_font(path, family, letters):
     builder.setupGlyphOrder(glyphs)
     builder.setupCharacterMap(letters)
     builder.setupGlyf({name: pen.glyph() for name in glyphs})
-    builder.setupHorizontalMetrics({name: (600, 0) for name in glyphs})
+    builder.setupHorizontalMetrics(dict.fromkeys(glyphs, (600, 0)))
     builder.setupHorizontalHeader(ascent=800, descent=-200)
     builder.setupNameTable({"familyName": family, "styleName": "Regular"})
     builder.setupOS2(usWeightClass=400)

@@ -9,7 +9,11 @@ from p2l.team.shop.record import Shop
 
 COLOURS = {Decision.ACT: "#4477AA", Decision.DELEGATE: "#BBBBBB", Decision.LEARN: "#CC6677"}
 MEANING = {Decision.ACT: "act (robot)", Decision.DELEGATE: "delegate (person)", Decision.LEARN: "learn (lesson)"}
-ORDER = {"fixed": "in the given order", "any": "in any order", "partial": "in an order that keeps the given one"}
+ORDER = {
+    "fixed": "in the given order",
+    "any": "in an order that the plan chose",
+    "partial": "in an order that keeps the given one",
+}
 UNIT = "unit of the given costs"
 
 
