@@ -7,15 +7,15 @@ from pathlib import Path
 from typing import Literal
 
 import numpy as np
-from p2l.team.shop.reading import Filling, Reading, read_shop
 
 from p2l.errors import ConfigError, InputError
 from p2l.records import Array
 from p2l.schema import CheckPlanConfig, PlanConfig
 from p2l.team.planners import plan
 from p2l.team.shop import Shop, ShopPlan, plan_shop
-from p2l.team.shop.explain import explain_shop
+from p2l.team.shop.explain import break_even_rows, explain_shop, reason_rows
 from p2l.team.shop.files import check_shop_place, of_plan, write_shop_plan
+from p2l.team.shop.reading import Filling, Reading, read_shop
 from p2l.team.shop.reasons import reasons_of
 from p2l.tracking import Tracker
 
@@ -54,7 +54,9 @@ def plan_own_tasks(cfg: PlanConfig, out: Path, track: Tracker) -> None:
     day = _plan(cfg, shop)
     reasons = reasons_of(shop, day, time_limit_s=cfg.reasons_s)
     save_shop_figure(out / "plan.png", shop, day)  # whatever can fail comes before the first table
-    write_page(out / "plan.html", shop, day, reasons, reading.remarks, out / "plan.png")
+    picture = (out / "plan.png").read_bytes()
+    why, near = reason_rows(shop, reasons), break_even_rows(shop, reasons)
+    write_page(out / "plan.html", shop, day, why, reading.remarks, picture, cfg.subject, break_even=near)
     write_shop_plan(out, shop, day, reasons, extra=reading.extra, remarks=reading.remarks)
     track.metrics({"objective": day.objective, "lower_bound": day.lower_bound, "seconds": day.seconds})
     for name in ("plan.png", "plan.html"):
@@ -83,7 +85,7 @@ def _predictor(features: Path, trials: Path | None, seed: int) -> Filling:
     from p2l.seeding import generator
     from p2l.team.trial_files import read_features, read_trials
     from p2l.transfer.few_trials import Prior, Trials
-    from p2l.transfer.pair_models import Setting
+    from p2l.transfer.pair_models import FitSetting
     from p2l.transfer.prediction import predict
 
     tasks = read_features(features)
@@ -96,7 +98,7 @@ def _predictor(features: Path, trials: Path | None, seed: int) -> Filling:
                 features, None, "task", f"has no row for '{unknown[0]}', whose pairs are to be predicted"
             )
         rng = generator(seed, "predict_transfer")
-        prediction = predict(Setting(tasks, Prior()), tried, _MODELS, _FOLDS, _FEWEST_PAIRS, _LEVEL, rng=rng)
+        prediction = predict(FitSetting(tasks, Prior()), tried, _MODELS, _FOLDS, _FEWEST_PAIRS, _LEVEL, rng=rng)
         place = {name: index for index, name in enumerate(tasks.names)}
         rows, columns = ([place[name] for name in names] for names in (taught, tested))
         return np.asarray(prediction.p[np.ix_(rows, columns)])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from typing import Any
 
 from p2l.team.problem import Decision
 from p2l.team.shop.reasons import BreakEven, LessonReason, Reasons
@@ -41,6 +42,35 @@ def explain_shop(shop: Shop, plan: ShopPlan, reasons: Reasons) -> str:
     if reasons.unknown:
         lines.append(f"There was no time to solve again for {reasons.unknown} lessons; give more with reasons_s=….")
     return "\n".join(lines)
+
+
+def reason_rows(shop: Shop, reasons: Reasons) -> list[dict[str, Any]]:
+    """Lessons that are given, as `evaluation.team.page` takes them."""
+    return [
+        {
+            "lesson": shop.lessons[each.lesson],
+            "robot": shop.robots[each.robot],
+            "c_demo": each.c_demo,
+            "serves": served(shop, each, most=len(each.serves)),
+            "saving_resolved": each.saving,
+            "saving_others_fixed": each.saving_others_fixed,
+            "stays_up_to": each.stays_up_to,
+        }
+        for each in reasons.lessons
+    ]
+
+
+def break_even_rows(shop: Shop, reasons: Reasons) -> list[dict[str, Any]]:
+    """Lessons that are not given, as `evaluation.team.page` takes them."""
+    return [
+        {
+            "lesson": shop.lessons[each.lesson],
+            "robot": shop.robots[each.robot],
+            "c_demo": each.c_demo,
+            "pays_below": each.below,
+        }
+        for each in reasons.not_given
+    ]
 
 
 def proof_of(plan: ShopPlan) -> str:

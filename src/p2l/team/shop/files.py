@@ -17,11 +17,14 @@ from p2l.errors import ArtifactError, InputError, ShapeError
 from p2l.team.problem import Certificate, Decision, Plan, Status
 from p2l.team.shop.reasons import Reasons
 from p2l.team.shop.record import SHOP_ORDERS, Shop, ShopCertificate, ShopPlan
+from p2l.team.shop.rows import plan_rows
 from p2l.text import guarded_cell
 
 TABLE, SUMMARY, PROOF, REASONS = "plan.csv", "plan.json", "certificate.npz", "reasons.csv"
 FILES = (TABLE, SUMMARY, PROOF, REASONS, "plan.png", "plan.html")
 _FIRST, _LAST = ["order", "task"], ["skill", "p_success", "expected_cost"]
+_GROUPS = {"taught": np.int64, "sequence": np.int64, "decision": np.int64, "robot": np.int64, "lesson": np.int64,
+           "p_success": np.float64, "expected_cost": np.float64}  # fmt: skip
 _PARTS = ("multipliers", "row", "parent", "facility", "is_open", "prices")
 
 
@@ -61,33 +64,25 @@ def of_plan(plan: Plan) -> ShopPlan:
     )  # fmt: skip
 
 
-def plan_rows(shop: Shop, plan: ShopPlan) -> list[dict[str, Any]]:
-    """A row for every group of copies in order of work, lessons that complete no task of today first.
+def named_rows(shop: Shop, plan: ShopPlan) -> list[dict[str, Any]]:
+    """A row for every step of the day (`rows.plan_rows`) with names.
 
     Keys: order, task, count, decision, robot, skill (the lesson's name, '' for pre-trained skills or the person),
     p_success, expected_cost.
     """
-    task, size = shop.groups
-    rows: list[dict[str, Any]] = []
-    for lesson, robot in plan.taught.tolist():
-        if shop.completes[lesson] < 0:
-            name = shop.lessons[lesson]
-            rows.append({"task": name, "count": 1, "decision": "learn", "robot": shop.robots[robot], "skill": name,
-                         "p_success": 1.0, "expected_cost": float(shop.c_demo[robot, lesson])})  # fmt: skip
-    for group in plan.sequence.tolist():
-        lesson, robot = int(plan.lesson[group]), int(plan.robot[group])
-        robots = [shop.robots[r] for each, r in plan.taught.tolist() if each == lesson]
-        is_taught = plan.decision[group] == Decision.LEARN
-        rows.append({
-            "task": shop.tasks[int(task[group])],
-            "count": int(size[group]),
-            "decision": Decision(int(plan.decision[group])).name.lower(),
-            "robot": " + ".join(robots) if is_taught else shop.robots[robot] if robot >= 0 else "",
-            "skill": shop.lessons[lesson] if lesson >= 0 else "",
-            "p_success": float(plan.p_success[group]),
-            "expected_cost": float(plan.expected_cost[group]),
-        })  # fmt: skip
-    return [{"order": place} | row for place, row in enumerate(rows, start=1)]
+    return [
+        {
+            "order": place,
+            "task": shop.tasks[row.task] if row.task >= 0 else shop.lessons[row.lesson],
+            "count": max(1, row.copies),
+            "decision": row.decision.name.lower(),
+            "robot": " + ".join(shop.robots[robot] for robot in row.robots),
+            "skill": shop.lessons[row.lesson] if row.lesson >= 0 else "",
+            "p_success": row.p_success,
+            "expected_cost": row.expected_cost,
+        }
+        for place, row in enumerate(plan_rows(shop, plan), start=1)
+    ]
 
 
 def columns_of(shop: Shop) -> list[str]:
@@ -98,13 +93,13 @@ def columns_of(shop: Shop) -> list[str]:
 
 
 def table_text(shop: Shop, plan: ShopPlan, extra: Mapping[str, tuple[str, ...]] | None = None) -> str:
-    """`plan.csv`: `plan_rows`, then a person's own columns [n cells by name]."""
+    """`plan.csv`: `named_rows`, then a person's own columns [n cells by name]."""
     columns, more = columns_of(shop), dict(extra or {})
     place = {name: index for index, name in enumerate(shop.tasks)}
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow([*columns, *more])
-    for row in plan_rows(shop, plan):
+    for row in named_rows(shop, plan):
         cells = [f"{row[name]:.12g}" if name in _LAST[1:] else guarded_cell(str(row[name])) for name in columns]
         at = place.get(row["task"])
         writer.writerow([*cells, *("" if at is None else guarded_cell(values[at]) for values in more.values())])
@@ -141,9 +136,8 @@ def write_shop_plan(
             {"lesson": shop.lessons[each], "robot": shop.robots[r], "c_demo": float(shop.c_demo[r, each])}
             for each, r in plan.taught.tolist()
         ],
-        "plan": [row | {"expected_cost": finite(row["expected_cost"])} for row in plan_rows(shop, plan)],
-        "taught": plan.taught.tolist(),
-        "sequence": plan.sequence.tolist(),
+        "plan": named_rows(shop, plan),
+        "groups": {name: getattr(plan, name).tolist() for name in _GROUPS},
     }
     facts = json.dumps(summary, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
     table, why = table_text(shop, plan, extra), reasons_text(shop, reasons)
@@ -181,30 +175,19 @@ def read_shop_plan(folder: Path | str, shop: Shop, extra: Mapping[str, tuple[str
     """
     out = Path(folder)
     summary = read_summary(out)
-    task, _ = shop.groups
     try:
-        rows = [row for row in summary["plan"] if row["task"] in shop.tasks]
-        taught = np.array(summary["taught"], dtype=np.int64).reshape(-1, 2)
-        sequence = np.array(summary["sequence"], dtype=np.int64)
-        if sorted(sequence.tolist()) != list(range(len(task))) or len(rows) != len(task):
-            raise ValueError("its tasks are others")
-        columns: dict[str, list[float]] = {}
-        lessons, robots = list(shop.lessons), list(shop.robots)
-        columns["decision"] = [Decision[row["decision"].upper()] for row in rows]
-        columns["lesson"] = [lessons.index(row["skill"]) if row["skill"] else -1 for row in rows]
-        columns["robot"] = [robots.index(row["robot"].split(" + ")[0]) if row["robot"] else -1 for row in rows]
-        for name in ("p_success", "expected_cost"):
-            columns[name] = [float(row[name]) for row in rows]
-        place = np.argsort(sequence)
-        if [row["task"] for row in rows] != [shop.tasks[int(task[g])] for g in sequence]:
-            raise ValueError("its tasks are others")
+        groups: dict[str, Any] = {
+            name: np.array(summary["groups"][name], dtype=kind) for name, kind in _GROUPS.items()
+        }
         plan = ShopPlan(
-            planner=str(summary["planner"]), status=cast(Status, summary["status"]), taught=taught, sequence=sequence,
+            planner=str(summary["planner"]), status=cast(Status, summary["status"]),
             objective=_float(summary, "objective"), lower_bound=_float(summary, "lower_bound"),
             gap=_float(summary, "gap"), seconds=_float(summary, "seconds"), certificate=_read_proof(out / PROOF),
-            **{name: np.array(values)[place] for name, values in columns.items()},
+            **groups,
         )  # fmt: skip
-    except (KeyError, ValueError, TypeError, AttributeError, ShapeError, OverflowError) as error:
+        if len(plan.sequence) != len(shop.groups[0]) or summary["plan"] != named_rows(shop, plan):
+            raise ValueError("its tasks are others")
+    except (KeyError, ValueError, TypeError, AttributeError, IndexError, ShapeError, OverflowError) as error:
         raise InputError.at(out / SUMMARY, None, None, f"is no plan of these tasks ({error}); plan again") from error
     try:
         text = (out / TABLE).read_text(encoding="utf-8")
