@@ -30,6 +30,14 @@ def check_shop_plan(shop: Shop, plan: ShopPlan) -> Verdict:
     Raises:
         SolverError: the plan has no certificate, or a number or the status in it is not what the shop gives.
         ShapeError: the plan breaks the order, a limit, or a decision that is made.
+
+    Example:
+        >>> import numpy as np
+        >>> from p2l import Problem, Shop, check_shop_plan, plan_shop
+        >>> one = np.ones(1)
+        >>> day = Shop.of_problem(Problem(("gear",), 10 * one, 100 * one, 100 * one, 200 * one, 0.95 * one, np.eye(1)))
+        >>> check_shop_plan(day, plan_shop(day)).optimal
+        True
     """
     if plan.certificate is None:
         raise SolverError("certificate: none given; plan with planner=auto")

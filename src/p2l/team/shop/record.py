@@ -64,6 +64,20 @@ class Shop:
 
     Raises:
         ShapeError: a wrong shape, a repeated name, a number out of range, a partial order with a circle.
+
+    Example:
+        Two pegs and a lid; a lesson on the pegs' task is of no use for the lid.
+
+        >>> import numpy as np
+        >>> from p2l import Shop
+        >>> one = np.ones((1, 2))
+        >>> day = Shop(
+        ...     tasks=("peg", "lid"), robots=("arm",), lessons=("peg", "lid"), completes=[0, 1], count=[2, 1],
+        ...     c_hum=[100.0, 100.0], c_rob=10 * one, c_fail=100 * one, pretrained=0 * one, c_demo=[[120.0, np.inf]],
+        ...     transfer=[[[0.9, 0.0], [0.0, 0.9]]], choice=[-1, -1],
+        ... )
+        >>> day.n, [size.tolist() for size in day.groups]
+        (2, [[0, 1, 0], [1, 1, 1]])
     """
 
     tasks: tuple[str, ...]
