@@ -1,4 +1,4 @@
-"""Exact facility location at scale: dual ascent, local search, volume bound, fixing, Lagrangian branch and bound.
+"""Exact facility location at scale: dual ascent, local and tabu search, volume bound, fixing, branch and bound.
 
 This is the large-scale route of the team planner and of `p2l.team.facility.location`. Every step works on
 `Pairs`; what a plan costs is recomputed from the input at the end.
@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from p2l.records import Array, BoolArray
-from p2l.team.facility.alarm import Alarm
+from p2l.team.facility.alarm import Alarm, silent
 from p2l.team.facility.branch import Target, branch_and_bound
 from p2l.team.facility.dual_ascent import dual_ascent
 from p2l.team.facility.fixing import Core, shrink, whole
@@ -20,11 +20,14 @@ from p2l.team.facility.greedy import greedy_solution
 from p2l.team.facility.local_search import Columns, columns_of, descend, open_cost
 from p2l.team.facility.pairs import Pairs, PairsSolution, of_table
 from p2l.team.facility.presolve import presolve, solution_cost
+from p2l.team.facility.tabu import Walk
 from p2l.team.facility.tree import Tree
 from p2l.team.facility.volume import Bound, bound_of, raise_bound
 
 _ROUNDS = 20  # of bound, rounding and fixing at the root, unless progress ends earlier
 _ITERATIONS = 300  # of the volume algorithm per round
+_PATIENCE, _LONGEST = 5e8, 1e8  # steps of tabu search without a better plan: per relative gap, and at most
+_SEED = 0  # of the tabu search
 _THRESHOLDS = (0.05, 0.2, 0.4, 0.6, 0.8)  # of the estimated opening, rounded up to an open set
 
 
@@ -48,7 +51,9 @@ def load_kernels() -> None:
     multipliers, open_set = dual_ascent(toy)
     greedy_solution(toy)
     open_set = descend(toy, columns_of(toy), open_set, ~open_set)
-    raise_bound(toy, whole(toy).state, multipliers, float(open_cost(toy, open_set)), 1)
+    upper = float(open_cost(toy, open_set))
+    raise_bound(toy, whole(toy).state, multipliers, upper, 1)
+    Walk(toy, open_set, upper, np.random.default_rng(_SEED)).further(1.0, silent())
     bound_of(toy, whole(toy).state, multipliers)
 
 
@@ -83,7 +88,8 @@ def solve_pairs(
         best, upper, lower = root.open, root.upper, root.bound.value
         complete = lower >= target.cutoff(upper)
         if not complete and not alarm.rang:
-            search = branch_and_bound(root.core, root.bound, root.open, root.upper, target, tree, node, alarm)
+            root, node, walk = _improved(root, target, tree, node, alarm)
+            search = branch_and_bound(root.core, root.bound, root.open, root.upper, target, tree, node, walk, alarm)
             best, upper, lower, complete = search.open, search.upper, max(lower, search.lower), search.complete
     full = np.zeros(pairs.facilities, dtype=bool)
     full[root.core.origin[best]] = True
@@ -136,6 +142,21 @@ def _tighten(root: Root, target: Target, alarm: Alarm) -> tuple[Root, Tree, int]
             root, columns = smaller
             node = tree.child(node)
     return root, tree, node
+
+
+def _improved(root: Root, target: Target, tree: Tree, node: int, alarm: Alarm) -> tuple[Root, int, Walk]:
+    """The root with the plan that a tabu search finds, and what that fixes; also the node, and the search itself."""
+    rng = np.random.default_rng(_SEED)
+    walk = Walk(root.core.pairs, root.open, root.upper, rng)
+    gap = (root.upper - root.bound.value) / root.upper if root.upper > 0.0 else 0.0
+    trail = walk.patiently(min(_LONGEST, _PATIENCE * gap), alarm.flag)
+    if trail.cost >= root.upper:
+        return root, node, walk
+    root = replace(root, open=trail.best, upper=trail.cost)
+    if (smaller := _shrunk(root, target)) is None:
+        return root, node, walk
+    root = smaller[0]
+    return root, tree.child(node), Walk(root.core.pairs, root.open, root.upper, rng)
 
 
 def _round(root: Root, columns: Columns, bound: Bound, alarm: Alarm) -> tuple[BoolArray, float]:
