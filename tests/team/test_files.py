@@ -1,14 +1,18 @@
 import csv
 import dataclasses
 import json
+import re
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from p2l.errors import ArtifactError, ConfigError, InputError, ShapeError, SolverError
 from p2l.team import Decision, plan
+from p2l.team.cells import Sheet, probability
 from p2l.team.certificate import check_certificate
-from p2l.team.files import read_problem
+from p2l.team.files import _probabilities, read_problem
 from p2l.team.plan_files import explain, read_plan, write_plan
 from tests.team.team_instances import random_transfer, thesis_set
 
@@ -43,27 +47,88 @@ def test_spreadsheet_habits_are_understood(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("orders", "transfer"),
+    [
+        (ORDERS.replace("c_rob", "C Rob").replace("c_", "C-").replace("task", "TASK"), TRANSFER),
+        (ORDERS.replace(",", ";"), TRANSFER.replace(",", "\t")),
+        (ORDERS.replace(",", ";").replace(".", ","), TRANSFER.replace(",", ";").replace(".", ",")),
+        (ORDERS.replace(",0.5", ",50%"), TRANSFER.replace("0.2", "20%").replace("0.4", "40 %")),
+        (
+            ORDERS.replace(",0.5", ",50 %").replace(",", "|"),
+            TRANSFER.replace(",", ";").replace("0.2", "20 %").replace(".", ","),
+        ),
+        (ORDERS.replace("\n", ",,\n"), TRANSFER.replace("\n", ",\n")),
+        (ORDERS, TRANSFER.replace(",0.2,1\n", ",0.2,\n").replace(",1,0.4", ",-,0.4")),
+        (
+            ORDERS,
+            TRANSFER.replace("\n", ",pot\n", 1).replace("1\n", "1,x\n").replace("4\n", "4,\n").replace("6\n", "6,2\n"),
+        ),
+        (ORDERS, TRANSFER + "pot,x,,7\n"),
+        (ORDERS.replace("\n", ",a note\n"), TRANSFER),
+        ("sep=;\n" + ORDERS.replace(",", ";"), TRANSFER),
+    ],
+)
+def test_every_spelling_gives_the_same_problem(tmp_path, orders, transfer):
+    plain, other = read_problem(*files(tmp_path)), read_problem(*files(tmp_path, orders, transfer))
+    assert other.tasks == plain.tasks
+    for name in ("c_rob", "c_hum", "c_fail", "c_demo", "pretrained", "transfer"):
+        assert np.array_equal(getattr(other, name), getattr(plain, name)), name
+
+
+@given(st.lists(st.floats(0, 1), min_size=6, max_size=6), st.sampled_from([".", ","]), st.booleans())
+def test_any_table_is_read_to_the_bit(tmp_path_factory, values, mark, percent):
+    texts = [f"{100 * value:.9f}%" if percent else repr(value) for value in values]
+    cell = iter(texts)
+    rows = [";".join([one, *("" if one == two else next(cell) for two in "abc")]) for one in "abc"]
+    orders = "task,c_rob,c_hum,c_fail,c_demo\n" + "".join(f"{name},1,1,1,1\n" for name in "abc")
+    transfer = "\n".join([";a;b;c", *rows]).replace(".", mark)
+    problem = read_problem(*files(tmp_path_factory.getbasetemp(), orders, transfer))
+    found = [problem.transfer[one, two] for one in range(3) for two in range(3) if one != two]
+    assert found == [float(text.replace("%", "e-2")) for text in texts]
+
+
+@given(
+    st.lists(st.text("01.,%_-+eE \u00a0٠naif", max_size=5).map(str.strip), min_size=1, max_size=3),
+    st.booleans(),
+    st.sampled_from(["", ",", ".,"]),
+)
+def test_a_row_at_once_is_what_its_cells_are(texts, comma, unclear):
+    sheet = Sheet("t.csv", ("", *map(str, range(len(texts)))), (), comma, unclear=unclear)
+    one_by_one, at_once = [], []
+    try:
+        one_by_one = [probability(sheet, 2, name, text) for name, text in zip(sheet.header[1:], texts, strict=True)]
+        at_once = _probabilities(sheet, 2, sheet.header[1:], texts).tolist()
+    except InputError as problem:
+        with pytest.raises(InputError, match=re.escape(str(problem))):
+            _probabilities(sheet, 2, sheet.header[1:], texts)
+    assert at_once == one_by_one
+
+
+@pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("c_fail", "c_oops", "orders.csv, row 1, column 'c_oops': unknown column"),
+        ("c_fail", "c_oops", "orders.csv, row 1, column 'c_fail': column is missing; every task needs it"),
+        ("c_fail", "c_fial", "orders.csv, row 1, column 'c_fial': unknown column; write 'c_fail' if that is meant"),
+        ("pretrained", "Pretraned", "orders.csv, row 1, column 'Pretraned': unknown column; write 'pretrained' if"),
+        ("c_hum", "C-Rob", "orders.csv, row 1, column 'C-Rob': means 'c_rob', and so does 'c_rob'; keep one"),
         (",c_demo", "", "orders.csv, row 2: has 6 cells; the header has 5"),
         ("c_demo,pretrained", "pretrained", "orders.csv, row 2: has 6 cells"),
         ("c_hum", "c_rob", "orders.csv, row 1, column 'c_rob': column appears twice"),
-        ("task,", "name,", "orders.csv, row 1, column 'name': unknown column"),
+        ("task,", "name,", "orders.csv, row 1, column 'task': column is missing"),
         ("lid,10", "cup,10", "orders.csv, row 3, column 'task': task 'cup' appears twice"),
         ("lid,10", ",10", "orders.csv, row 3, column 'task': a task has no name"),
         ("lid,10", "lid,ten", "orders.csv, row 3, column 'c_rob': 'ten' is not a number"),
         (
             "lid,10",
-            "lid,never",
-            "orders.csv, row 3, column 'c_rob': 'never' is not a number; give a cost",
+            "lid,none",
+            "orders.csv, row 3, column 'c_rob': 'none' is not a number; give a cost",
         ),
         ("lid,10", "lid,nan", "orders.csv, row 3, column 'c_rob': 'nan' is not allowed; give a cost of at least 0"),
         ("lid,10,100,100,200", "lid,inf,inf,100,", "orders.csv: task 'lid' cannot be done: nobody can do or teach it"),
         ("lid,10", "lid,1e300", "column 'c_rob': '1e300' is not allowed; give a cost of at least 0 and at most 1e100"),
         ("lid,10", "lid,1_0", "orders.csv, row 3, column 'c_rob': '1_0' is not a number"),
-        ("lid,10", '"l\rd",10', "orders.csv, row 4, column 'task': task 'l\\rd' holds a control character; remove it"),
-        ("lid,10", "l\0d,10", "orders.csv, row 3, column 'task': task 'l\\x00d' holds a NUL character"),
+        ("lid,10", '"l\rd",10', "orders.csv, row 3, column 'task': task 'l\\rd' holds a control character; remove it"),
+        ("lid,10", "l\0d,10", "orders.csv, row 3, column 'task': 'l\\x00d' holds a NUL character"),
         ("lid,10", "lid,-1", "orders.csv, row 3, column 'c_rob': '-1' is not allowed"),
         ("200,0.5", "200,1.5", "orders.csv, row 3, column 'pretrained': '1.5' is not allowed; give a probability"),
         ("200,0.5", "200,nan", "orders.csv, row 3, column 'pretrained': 'nan' is not allowed"),
@@ -86,17 +151,29 @@ def test_each_mistake_in_the_orders_gets_one_message_with_its_place(tmp_path, ol
         (TRANSFER.replace("0.2", "inf"), "transfer.csv, row 2, column 'cup': 'inf' is not allowed"),
         (TRANSFER.replace("0.2", "maybe"), "transfer.csv, row 2, column 'cup': 'maybe' is not a number"),
         (TRANSFER.replace("0.2", ""), "transfer.csv, row 2, column 'cup': '' is not a number"),
-        (TRANSFER + "pot,0,0,0\n", "transfer.csv, row 5: task 'pot' is not in orders.csv"),
+        (
+            TRANSFER.replace("0.2", "20"),
+            "'20' is not allowed; give a probability in [0, 1], such as 0.95 or 95 %; if 20",
+        ),
+        (TRANSFER.replace("0.2", "120%"), "transfer.csv, row 2, column 'cup': '120%' is not allowed"),
+        (TRANSFER.replace("0.2", "-"), "transfer.csv, row 2, column 'cup': '-' is not a number"),
+        (TRANSFER.replace("0.2", "٠"), "transfer.csv, row 2, column 'cup': '٠' is not a number"),
+        (TRANSFER.replace("0.2", '"0,2"'), "transfer.csv, row 2, column 'cup': '0,2' has a decimal comma, and numbers"),
         ("\n".join(TRANSFER.splitlines()[:3]), "transfer.csv: has no row for task 'box' of orders.csv"),
-        (TRANSFER.replace("lid", "pot"), "transfer.csv, row 1, column 'pot': task 'pot' is not in orders.csv"),
-        (TRANSFER.replace("\nlid", "\npot"), "transfer.csv, row 2: task 'pot' is not in orders.csv"),
+        (TRANSFER.replace("lid", "pot"), "transfer.csv, row 1: has no column for task 'lid' of orders.csv; add it"),
+        (TRANSFER.replace("\nlid", "\npot"), "transfer.csv: has no row for task 'lid' of orders.csv; add it"),
+        (TRANSFER.replace("lid", "Lid "), "transfer.csv, row 1: has no column for task 'lid' of orders.csv"),
+        (TRANSFER.replace("\nlid", "\nlids"), "transfer.csv: has no row for task 'lid' of orders.csv; is it 'lids'?"),
         (",box,cup\ncup,0.3,1\nbox,1,0.5\n", "transfer.csv, row 1: has no column for task 'lid' of orders.csv"),
         (TRANSFER.replace("\nlid", "\ncup"), "transfer.csv, row 3: taught task 'cup' appears twice"),
         (TRANSFER.replace("box,cup", "cup,cup"), "transfer.csv, row 1, column 'cup': column appears twice"),
         (TRANSFER.replace("0.4", "0.4,0.4"), "transfer.csv, row 3: has 5 cells; the header has 4"),
         (TRANSFER.replace("0.2", "0.0_2"), "transfer.csv, row 2, column 'cup': '0.0_2' is not a number"),
-        (TRANSFER.replace("\nlid", "\nl\0d"), "transfer.csv, row 2: taught task 'l\\x00d' holds a NUL character"),
-        (TRANSFER.replace(",", ";"), "transfer.csv, row 1: the header has one cell only; separate the cells by commas"),
+        (TRANSFER.replace("\nlid", "\nl\0d"), "transfer.csv, row 2: 'l\\x00d' holds a NUL character"),
+        (
+            TRANSFER.replace(",", ":"),
+            "transfer.csv, row 1: the header has one cell only; name the columns, and separate",
+        ),
         ("", "transfer.csv: is empty"),
         (",box,cup,lid\n", "transfer.csv: has a header but no tasks"),
     ],
@@ -122,8 +199,13 @@ def test_files_that_cannot_be_read(tmp_path):
     with pytest.raises(InputError, match="is a directory"):
         read_problem(tmp_path, transfer)
     orders.write_bytes(b"task,c_rob\n\xff\xfe\x00")
+    with pytest.raises(InputError, match=r"row 2, column 'task': .* holds a NUL character"):
+        read_problem(orders, transfer)
+    orders.write_bytes(b"task,c_rob\n\x81,1")
     with pytest.raises(InputError, match="UTF-8 CSV"):
         read_problem(orders, transfer)
+    with pytest.raises(InputError, match="standard input: can be read once; give a file for one of the tables"):
+        read_problem("-", "-")
     with pytest.raises(ConfigError, match="order: 'best' is unknown"):
         read_problem(orders, transfer, "best")
 

@@ -19,6 +19,7 @@ from p2l.team.problem import Certificate
 
 _BEYOND = 1e-9  # relative: by how much rounding may put a multiplier above its outside option
 _ROUNDING = 8.0 * float(np.finfo(np.float64).eps)  # of a cost computed from the input, relative
+_SLACK = 1e-12  # relative: by how much rounding may put what is taken above its limit
 _BLOCK = 4_000_000  # entries of the cost table that are looked at together
 _FREE, _OPEN, _CLOSED = 0, 1, -1
 
@@ -31,12 +32,16 @@ class Instance(NamedTuple):
         outside: [D] b_i, infinite where there is none.
         names: of the demands, for messages.
         block: service costs [high - low, F] of demands `low` to before `high`, infinite where there is no service.
+        weights: [K, F] what each facility takes of the K limits, if there are any.
+        limits: [K] what the open facilities may take together.
     """
 
     opening: Array
     outside: Array
     names: tuple[str, ...]
     block: Callable[[int, int], Array]
+    weights: Array | None = None
+    limits: Array | None = None
 
 
 class _Case(NamedTuple):
@@ -54,18 +59,24 @@ def tree_bound(instance: Instance, certificate: Certificate) -> float:
     """The lowest bound of a tree's leaves; its target where a case was left out that is no lower."""
     children = _children(certificate, len(instance.opening))
     multipliers = _cut(instance, certificate)[certificate.row]
+    prices = _prices(instance, certificate)[certificate.row]
     target = certificate.target
-    low, gain = _first(instance, multipliers[0])
+    low, gain = _first(instance, multipliers[0], prices[0])
     if low >= target:
         return low
     lowest, waiting = math.inf, [_start(instance, multipliers[0], gain, low, target)]
     while waiting:
-        case = waiting.pop()
-        v = multipliers[case.node]
-        low, gain = _evaluate(instance, case, v)
+        fits = _within_limits(instance, waiting.pop())
+        if fits is None:  # the open facilities alone take more than a limit
+            continue
+        case, v = fits, multipliers[fits.node]
+        low, gain = _evaluate(instance, case, v, prices[case.node])
         case = case._replace(low=max(low, case.low))
         if case.low < target:
-            case = _without(case, v, gain, low, target)
+            fits = _within_limits(instance, _without(case, v, gain, low, target))
+            if fits is None:
+                continue
+            case = fits
             if children[case.node]:
                 waiting += _cases(certificate, children[case.node], case)
                 continue
@@ -107,32 +118,45 @@ def _cut(instance: Instance, certificate: Certificate) -> Array:
     return cut
 
 
-def _first(instance: Instance, v: Array) -> tuple[float, Array]:
+def _prices(instance: Instance, certificate: Certificate) -> Array:
+    """[R, K] prices of the instance's limits; zeros of a certificate that has none."""
+    count, given = 0 if instance.limits is None else len(instance.limits), certificate.limit_prices
+    if given.shape[1] not in (0, count):
+        raise SolverError(f"certificate: has prices of {given.shape[1]} limits; there are {count}")
+    return given if given.shape[1] else np.zeros((len(given), count))
+
+
+def _first(instance: Instance, v: Array, price: Array) -> tuple[float, Array]:
     """L(v) of the whole instance, and what deciding against it adds for each facility, block by block."""
     saving = np.zeros(len(instance.opening))
     step = max(1, _BLOCK // max(1, len(saving)))
     for start in range(0, len(v), step):
         end = min(len(v), start + step)
         saving += np.maximum(v[start:end, None] - instance.block(start, end), 0.0).sum(axis=0)
-    return _lagrangian(instance.opening, np.zeros(len(saving), dtype=np.int8), v, saving)
+    return _lagrangian(instance, price, np.zeros(len(saving), dtype=np.int8), v, saving)
 
 
-def _evaluate(instance: Instance, case: _Case, v: Array) -> tuple[float, Array]:
+def _evaluate(instance: Instance, case: _Case, v: Array, price: Array) -> tuple[float, Array]:
     """As `_first`, on what is left of a case."""
     margin = v[case.demand] - case.cost
     used = margin > 0.0
     saving = np.bincount(case.facility[used], margin[used], len(case.state)).astype(np.float64)
-    return _lagrangian(instance.opening, case.state, v, saving)
+    return _lagrangian(instance, price, case.state, v, saving)
 
 
-def _lagrangian(opening: Array, state: npt.NDArray[np.int8], v: Array, saving: Array) -> tuple[float, Array]:
+def _lagrangian(
+    instance: Instance, price: Array, state: npt.NDArray[np.int8], v: Array, saving: Array
+) -> tuple[float, Array]:
     """L(v) and, by facility, its reduced cost; what rounding may have changed is taken off the size of both."""
+    opening, paid = instance.opening, np.zeros(0)
+    if instance.weights is not None and instance.limits is not None and price.any():
+        opening, paid = opening + price @ instance.weights, -price * instance.limits * (1.0 + _SLACK)
     reduced_cost = np.where(state == _CLOSED, 0.0, opening) - saving
     used = (state == _OPEN) | ((state == _FREE) & (reduced_cost < 0.0))
     eps, prices = float(np.finfo(np.float64).eps), float(np.abs(v).sum())
     lost = eps * (len(v) + 8) * (np.where(state == _CLOSED, 0.0, opening) + saving) + _ROUNDING * prices
-    value = math.fsum([*v.tolist(), *reduced_cost[used].tolist()])
-    low = value - float(lost[used].sum()) - eps * abs(value)
+    value = math.fsum([*v.tolist(), *reduced_cost[used].tolist(), *paid.tolist()])
+    low = value - float(lost[used].sum()) - eps * (abs(value) + float(np.abs(paid).sum()))
     with np.errstate(invalid="ignore"):  # an infinite opening cost is above all that rounding may do
         gain = np.where(np.isinf(reduced_cost), np.inf, np.maximum(np.abs(reduced_cost) - lost, 0.0))
     return low, np.sign(reduced_cost) * gain
@@ -184,6 +208,18 @@ def _cases(certificate: Certificate, below: list[int], case: _Case) -> list[_Cas
             state[facility] = side
             cases.append(case._replace(node=node, state=state))
     return cases
+
+
+def _within_limits(instance: Instance, case: _Case) -> _Case | None:
+    """The case in which free facilities are closed that no longer fit; None if the open ones break a limit alone."""
+    if instance.weights is None or instance.limits is None:
+        return case
+    state = case.state
+    taken, most = instance.weights[:, state == _OPEN].sum(axis=1), instance.limits * (1.0 + _SLACK)
+    if (taken > most).any():
+        return None
+    too_much = (taken[:, None] + instance.weights > most[:, None]).any(axis=0)
+    return case._replace(state=np.where((state == _FREE) & too_much, np.int8(_CLOSED), state))
 
 
 def _cost(instance: Instance, case: _Case) -> float:

@@ -1,14 +1,12 @@
-"""A person's own tasks: `orders.csv` and `transfer.csv`; what comes out is `p2l.team.plan_files`'s.
+"""A person's own tasks: a table of orders and one of transfer; what comes out is `p2l.team.plan_files`'s.
 
 Reading stops at the first thing that is wrong, with one message that names the file, the row (as a spreadsheet counts
-them, the header is row 1) and the column.
+them) and the column. `p2l.team.sheets` says which files are tables.
 """
 
 from __future__ import annotations
 
-import csv
-import math
-from collections import Counter
+import difflib
 from pathlib import Path
 
 import numpy as np
@@ -16,27 +14,27 @@ import numpy as np
 from p2l.errors import ConfigError, InputError, ShapeError
 from p2l.records import Array
 from p2l.team.problem import ORDERS, Order, Problem
+from p2l.team.sheets import STANDARD_INPUT, Sheet, number, probability, read_sheet
 
 _COSTS = ("c_rob", "c_hum", "c_fail", "c_demo")
-_ORDERS_COLUMNS = ("task", *_COSTS)
-_LARGEST = 1e100  # said in a message; a larger cost is a slip, and sums of such costs overflow
-
-Row = tuple[int, list[str]]
+_NEEDED = ("task", *_COSTS)
+_KNOWN = (*_NEEDED, "pretrained")
+_UNUSED = ("", "-", "–", "—")  # on the diagonal of the transfer table
 
 
 def read_problem(orders_csv: Path | str, transfer_csv: Path | str, order: Order = "fixed") -> Problem:
     r"""Read tasks in work order and the transfer table.
 
     Args:
-        orders_csv: columns `task,c_rob,c_hum,c_fail,c_demo` and optionally `pretrained` (a probability, 0 if absent). A
-            cost that is `inf`, or left empty, stands for what is not possible.
+        orders_csv: columns `task,c_rob,c_hum,c_fail,c_demo` and optionally `pretrained` (a probability, 0 if absent);
+            others are not read. A cost that is `inf` or `never`, or left empty, stands for what is not possible.
         transfer_csv: square; first column the taught task, first row the tested task, cells probabilities. Rows and
-            columns may come in any order.
+            columns may come in any order, those of tasks without an order are not read, and the diagonal may be empty.
         order: "fixed" or "any".
 
     Raises:
-        InputError: a file that is missing, empty or not a CSV; an unknown, missing or repeated column; a missing, extra
-            or repeated task; a cell that is no number, NaN, negative, or no probability; a task that nobody can do.
+        InputError: a file that is missing, empty or no table; a missing, repeated or misspelt column; a missing or
+            repeated task; a cell that is no number, NaN, negative, or no probability; a task that nobody can do.
         ConfigError: an unknown order.
 
     Example:
@@ -53,118 +51,91 @@ def read_problem(orders_csv: Path | str, transfer_csv: Path | str, order: Order 
     """
     if order not in ORDERS:
         raise ConfigError(f"order: '{order}' is unknown; use one of {list(ORDERS)}")
-    orders, transfer = Path(orders_csv), Path(transfer_csv)
-    header, rows = _table(orders)
-    missing = [name for name in _ORDERS_COLUMNS if name not in header]
-    for name in header:
-        if name not in (*_ORDERS_COLUMNS, "pretrained"):
-            columns = f"{','.join(_ORDERS_COLUMNS)} and optionally pretrained, separated by commas"
-            raise InputError.at(orders, 1, name, f"unknown column; allowed are {columns}")
-    if missing:
-        raise InputError.at(orders, 1, missing[0], "column is missing; every task needs it")
-    at = {name: place for place, name in enumerate(header)}
-    tasks = _names(orders, [(line, cells[at["task"]]) for line, cells in rows], "task", "task")
+    if str(orders_csv) == str(transfer_csv) == STANDARD_INPUT:
+        raise InputError.at("standard input", None, None, "can be read once; give a file for one of the tables")
+    sheet = read_sheet(orders_csv)
+    at = _columns(sheet)
+    tasks = _names(sheet, [(line, cells[at["task"]]) for line, cells in sheet.rows], sheet.header[at["task"]], "task")
     costs = {
-        name: np.array([_number(orders, line, name, cells[at[name]], _LARGEST) for line, cells in rows])
+        name: np.array([number(sheet, line, sheet.header[at[name]], cells[at[name]]) for line, cells in sheet.rows])
         for name in _COSTS
     }
     pretrained = np.zeros(len(tasks))
-    if "pretrained" in at:
-        cells_of = [(line, cells[at["pretrained"]]) for line, cells in rows]
-        pretrained = np.array([_number(orders, line, "pretrained", text, 1.0) for line, text in cells_of])
-    table = _read_transfer(transfer, tasks, orders)
+    if (place := at.get("pretrained")) is not None:
+        column = sheet.header[place]
+        pretrained = np.array([probability(sheet, line, column, cells[place]) for line, cells in sheet.rows])
+    table = _transfer(read_sheet(transfer_csv), tasks, Path(sheet.name).name)
     try:
         return Problem(tasks=tasks, **costs, pretrained=pretrained, transfer=table, order=order)
     except ShapeError as error:
-        raise InputError.at(orders, None, None, str(error)) from error
+        raise InputError.at(sheet.name, None, None, str(error)) from error
 
 
-def _read_transfer(path: Path, tasks: tuple[str, ...], orders: Path) -> Array:
-    header, rows = _table(path)
-    tested_tasks = _names(path, [(1, name) for name in header[1:]], None, "tested task")
-    taught_tasks = _names(path, [(line, cells[0]) for line, cells in rows], header[0] or None, "taught task")
+def _columns(sheet: Sheet) -> dict[str, int]:
+    """Place of each known column; one that is missing is refused, and so is another that may be meant for it."""
+    at = sheet.columns(_KNOWN)
+    others = {name.casefold(): name for name in sheet.extra(_KNOWN)}
+    for name in (each for each in _KNOWN if each not in at):
+        if close := difflib.get_close_matches(name, list(others), n=1, cutoff=0.8):
+            problem = f"unknown column; write '{name}' if that is meant, or else a name that is less like it"
+            raise InputError.at(sheet.name, sheet.header_line, others[close[0]], problem)
+        if name in _NEEDED:
+            raise InputError.at(sheet.name, sheet.header_line, name, "column is missing; every task needs it")
+    return at
+
+
+def _transfer(sheet: Sheet, tasks: tuple[str, ...], orders: str) -> Array:
+    """[n, n] of the tasks that have an order."""
+    first = sheet.header_line
+    tested = _names(sheet, [(first, name) for name in sheet.header[1:]], None, "tested task")
+    taught = _names(sheet, [(line, cells[0]) for line, cells in sheet.rows], sheet.header[0] or None, "taught task")
+    for found, row, side in ((tested, first, "column"), (taught, None, "row")):
+        if missing := sorted(set(tasks) - set(found), key=tasks.index):
+            close = difflib.get_close_matches(missing[0], set(found) - set(tasks), n=1, cutoff=0.8)
+            hint = f"; is it '{close[0]}'?" if close else "; add it"
+            raise InputError.at(sheet.name, row, None, f"has no {side} for task '{missing[0]}' of {orders}{hint}")
     place = {name: index for index, name in enumerate(tasks)}
-    for names, row in ((tested_tasks, 1), (taught_tasks, None)):
-        present = set(names)
-        side = "column" if row else "row"
-        for name in names:
-            if name not in place:
-                at = row or rows[taught_tasks.index(name)][0]
-                raise InputError.at(
-                    path, at, name if row else None, f"task '{name}' is not in {orders.name}; remove it"
-                )
-        if missing := [name for name in tasks if name not in present]:
-            raise InputError.at(path, row, None, f"has no {side} for task '{missing[0]}' of {orders.name}; add it")
+    used = [at for at, name in enumerate(tested) if name in place]
+    names = tuple(tested[at] for at in used)
+    columns = np.array([place[name] for name in names])
+    own = {name: at for at, name in enumerate(names)}
     table = np.empty((len(tasks), len(tasks)))
-    columns = [place[name] for name in tested_tasks]
-    for (line, cells), name in zip(rows, taught_tasks, strict=True):
-        table[place[name], columns] = _probabilities(path, line, tested_tasks, cells[1:])
+    for (line, cells), name in zip(sheet.rows, taught, strict=True):
+        if name in place:
+            texts = list(cells[1:]) if len(used) == len(tested) else [cells[1 + at] for at in used]
+            if texts[own[name]] in _UNUSED:
+                texts[own[name]] = "1"  # no plan depends on it
+            table[place[name], columns] = _probabilities(sheet, line, names, texts)
     return table
 
 
-def _probabilities(path: Path, line: int, tasks: tuple[str, ...], cells: list[str]) -> Array:
-    """One row at once; cell by cell only to find out what is wrong."""
+def _probabilities(sheet: Sheet, line: int, tasks: tuple[str, ...], texts: list[str]) -> Array:
+    """One row at once; cell by cell only where that is not enough, and to find out what is wrong."""
+    joined, plain = "\n".join(texts), texts
+    if sheet.decimal_comma or "%" in joined:
+        joined = joined.replace(" %", "%").replace("%", "e-2")
+        joined = joined.replace(".", "_").replace(",", ".") if sheet.decimal_comma else joined  # a point is refused
+        plain = joined.split("\n")
     try:
-        values = np.array(cells if not any("_" in cell for cell in cells) else [np.nan], dtype=np.float64)
+        is_plain = joined.isascii() and "_" not in joined  # Python reads more than these as numbers
+        values = np.fromiter(map(float, plain if is_plain else ()), dtype=np.float64)
     except ValueError:
-        values = np.array([np.nan])
-    if not bool(((values >= 0.0) & (values <= 1.0)).all()):
-        return np.array([_number(path, line, name, cell, 1.0) for name, cell in zip(tasks, cells, strict=True)])
-    return values
+        values = np.empty(0)
+    if len(values) == len(texts) and bool(((values >= 0.0) & (values <= 1.0)).all()):
+        return values
+    return np.array([probability(sheet, line, name, text) for name, text in zip(tasks, texts, strict=True)])
 
 
-def _number(path: Path, line: int, column: str, text: str, largest: float) -> float:
-    is_cost = largest != 1.0
-    what = "a cost of at least 0 and at most 1e100, or inf for never" if is_cost else "a probability in [0, 1]"
-    if is_cost and text.lower() in ("", "inf", "infinity"):
-        return math.inf
-    try:
-        value = float(text.replace("_", "?"))  # Python would read 1_0 as 10
-    except ValueError:
-        raise InputError.at(path, line, column, f"'{text}' is not a number; give {what}") from None
-    if not 0.0 <= value <= largest:  # also refuses NaN
-        raise InputError.at(path, line, column, f"'{text}' is not allowed; give {what}")
-    return value
-
-
-def _names(path: Path, cells: list[tuple[int, str]], column: str | None, what: str) -> tuple[str, ...]:
+def _names(sheet: Sheet, cells: list[tuple[int, str]], column: str | None, what: str) -> tuple[str, ...]:
+    if not cells:
+        raise InputError.at(sheet.name, None, None, "has a header but no tasks; add one row per task")
     earlier: set[str] = set()
     for line, name in cells:
         if not name:
-            raise InputError.at(path, line, column, f"a {what} has no name; name it")
-        if "\0" in name:
-            raise InputError.at(path, line, column, f"{what} {name!r} holds a NUL character; remove it")
+            raise InputError.at(sheet.name, line, column, f"a {what} has no name; name it")
         if any(ord(each) < 32 or 127 <= ord(each) < 160 for each in name):
-            raise InputError.at(path, line, column, f"{what} {name!r} holds a control character; remove it")
+            raise InputError.at(sheet.name, line, column, f"{what} {name!r} holds a control character; remove it")
         if name in earlier:
-            raise InputError.at(path, line, column, f"{what} '{name}' appears twice; keep one")
+            raise InputError.at(sheet.name, line, column, f"{what} '{name}' appears twice; keep one")
         earlier.add(name)
     return tuple(name for _, name in cells)
-
-
-def _table(path: Path) -> tuple[list[str], list[Row]]:
-    """Header and rows with their line numbers; cells are stripped, blank lines skipped, lengths checked."""
-    if path.is_dir():
-        raise InputError.at(path, None, None, "is a directory; give the CSV file itself")
-    if not path.exists():  # a pipe, such as the shell's <(…), will do
-        raise InputError.at(path, None, None, "no such file; check the path")
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as stream:
-            reader = csv.reader(stream, strict=True)
-            lines = [(reader.line_num, [cell.strip() for cell in cells]) for cells in reader]
-    except (UnicodeDecodeError, csv.Error, OSError) as error:
-        raise InputError.at(path, None, None, f"cannot be read as a UTF-8 CSV file ({error})") from error
-    lines = [(line, cells) for line, cells in lines if any(cells)]
-    if not lines:
-        raise InputError.at(path, None, None, "is empty; it needs a header and one row per task")
-    (first, header), *rows = lines
-    if len(header) == 1:
-        raise InputError.at(path, first, None, "the header has one cell only; separate the cells by commas")
-    if not rows:
-        raise InputError.at(path, None, None, "has a header but no tasks; add one row per task")
-    if twice := [name for name, count in Counter(header).items() if name and count > 1]:
-        raise InputError.at(path, 1, twice[0], "column appears twice; keep one")
-    for line, cells in rows:
-        if len(cells) != len(header):
-            raise InputError.at(path, line, None, f"has {len(cells)} cells; the header has {len(header)}")
-    return header, rows

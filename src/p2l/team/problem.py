@@ -163,6 +163,8 @@ class Certificate:
         facility: [T] facility that is decided between its parent and a node; -1 if none is.
         is_open: [T] whether it is open there.
         target: the bound that the tree is to prove; cases at or above it were left out.
+        prices: [R, K] λ of the K limits on what is opened, beside each v; none where nothing is limited. A limit
+            Σ_j w_j y_j <= B adds λ w_j to every opening cost and takes λ B off L(v).
     """
 
     multipliers: Array
@@ -171,6 +173,7 @@ class Certificate:
     facility: IntArray
     is_open: BoolArray
     target: float
+    prices: Array | None = None
 
     def __post_init__(self) -> None:
         sizes: dict[str, int] = {}
@@ -180,16 +183,25 @@ class Certificate:
         for name in ("parent", "facility"):
             put(self, name, freeze(name, getattr(self, name), ("T",), sizes, np.int64, low=-1))
         put(self, "is_open", freeze("is_open", self.is_open, ("T",), sizes, np.bool_))
+        prices = np.zeros((len(self.multipliers), 0)) if self.prices is None else self.prices
+        put(self, "prices", freeze("prices", prices, ("R", "K"), sizes, low=0.0, high=_FAR))
         if not bool((np.abs(self.multipliers) <= _FAR).all()):
             raise ShapeError(f"multipliers: hold {np.abs(self.multipliers).max()}; expected at most {_FAR:g}")
         if math.isnan(self.target):
             raise ShapeError("target: is NaN; expected the bound that the tree is to prove")
 
     @classmethod
-    def of(cls, multipliers: Array) -> Certificate:
-        """The one of a single L(v), multipliers [D]."""
+    def of(cls, multipliers: Array, prices: Array | None = None) -> Certificate:
+        """The one of a single L(v), multipliers [D], at the prices [K] of limits."""
         one = np.zeros(1, dtype=np.int64)
-        return cls(np.asarray(multipliers)[None], one, one - 1, one - 1, one > 0, -math.inf)
+        rows = None if prices is None else np.asarray(prices)[None]
+        return cls(np.asarray(multipliers)[None], one, one - 1, one - 1, one > 0, -math.inf, rows)
+
+    @property
+    def limit_prices(self) -> Array:
+        """[R, K] `prices`."""
+        assert self.prices is not None
+        return self.prices
 
 
 @dataclass(frozen=True)

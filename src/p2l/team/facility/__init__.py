@@ -8,9 +8,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from p2l.team.facility.location import large_scale, solve_facility_location, solve_small_or_large
+from p2l.team.facility.location import large_scale, solve_facility_location, solve_small_or_large, within_limits
 from p2l.team.facility.orlib import read_instance
-from p2l.team.facility.pairs import Pairs, PairsSolution, of_table
+from p2l.team.facility.pairs import Pairs, PairsSolution, collect, of_table
 from p2l.team.facility.reduction import lesson_costs, of_problem
 
 if TYPE_CHECKING:
@@ -22,6 +22,7 @@ __all__ = [
     "Pairs",
     "PairsSolution",
     "ProgramSolution",
+    "collect",
     "dual_ascent_lessons",
     "greedy_lessons",
     "guarantee",
@@ -36,6 +37,7 @@ __all__ = [
     "solve_pairs",
     "solve_program",
     "solve_small_or_large",
+    "within_limits",
 ]
 
 

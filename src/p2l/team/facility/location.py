@@ -88,7 +88,14 @@ def _checked(opening_cost: Array, service_cost: Array) -> tuple[Array, Array]:
 
 
 def solve_small_or_large(
-    pairs: Pairs, deadline: float, gap: float, *, whole_numbers: bool = False, few: int | None = None
+    pairs: Pairs,
+    deadline: float,
+    gap: float,
+    *,
+    whole_numbers: bool = False,
+    few: int | None = None,
+    multipliers: Array | None = None,
+    open_set: BoolArray | None = None,
 ) -> PairsSolution:
     """The relaxation by HiGHS where an instance is small; what it does not prove, the large-scale route does.
 
@@ -98,9 +105,9 @@ def solve_small_or_large(
         gap: relative gap that is good enough.
         whole_numbers: all costs are.
         few: largest number of pairs for HiGHS; `FEW_PAIRS` if none.
+        multipliers: [D] where the large-scale route begins, such as those of an instance much like this one.
+        open_set: [F] a solution that is known already.
     """
-    multipliers: Array | None = None
-    open_set: BoolArray | None = None
     if len(pairs.cost) <= (FEW_PAIRS if few is None else few):
         from p2l.team.facility.program import solve_program
 
@@ -126,6 +133,16 @@ def large_scale() -> ModuleType:
 
     solve.load_kernels()
     return solve
+
+
+def within_limits() -> ModuleType:
+    """The module of instances within limits, with its kernels loaded."""
+    import p2l.team.facility.limited as limited
+    from p2l.team.facility import solve
+
+    solve.load_kernels()
+    limited.load_kernels()
+    return limited
 
 
 def _without_search(pairs: Pairs, multipliers: Array | None, open_set: BoolArray | None) -> PairsSolution:

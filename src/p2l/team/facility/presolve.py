@@ -37,20 +37,25 @@ class Presolved(NamedTuple):
 def presolve(pairs: Pairs) -> Presolved:
     """Take out what costs more than a solution that is known, and scale."""
     open_set = _alone(pairs)
-    upper = solution_cost(pairs, open_set)
+    small, scale = presolve_below(pairs, solution_cost(pairs, open_set), np.ones(pairs.facilities, dtype=bool))
+    return Presolved(small, scale, open_set)
+
+
+def presolve_below(pairs: Pairs, upper: float, usable: BoolArray) -> tuple[Pairs, float]:
+    """The instance of `usable` facilities [F] and of what costs no more than `upper`, and what it was scaled with."""
     scale = 2.0 ** min(_LARGEST_EXPONENT, max(-_LARGEST_EXPONENT, 1 - math.frexp(upper)[1])) if upper > 0.0 else 1.0
     limit = upper * (1.0 + _ROUNDING)
     dear = 2.0 * upper if upper > 0.0 else 1.0  # more than any good solution costs
-    usable = pairs.opening <= limit
+    usable = usable & (pairs.opening <= limit)
     useful = usable[pairs.facility] & (pairs.cost <= limit)
     left = Pairs(
         opening=np.where(usable, pairs.opening, dear) * scale,
-        outside=np.where(pairs.outside <= limit, pairs.outside, dear) * scale,
+        outside=np.minimum(pairs.outside, dear) * scale,
         start=np.concatenate([[0], np.cumsum(useful)])[pairs.start],
         facility=pairs.facility[useful],
         cost=pairs.cost[useful] * scale,
     )
-    return Presolved(left, scale, open_set)
+    return left, scale
 
 
 def solution_cost(pairs: Pairs, open_set: BoolArray) -> float:

@@ -74,8 +74,12 @@ class RobosuiteEnv(gymnasium.Env[dict[str, Any], npt.NDArray[Any]]):
         )
 
     def render(self) -> Any:
-        """[H, W, 3]."""
+        """[H, W, 3]; the environment need not have been made with an offscreen renderer."""
         height, width = self._size
+        if self.inner.sim._render_context_offscreen is None:
+            from robosuite.utils.binding_utils import MjRenderContextOffscreen
+
+            self.inner.sim.add_render_context(MjRenderContextOffscreen(self.inner.sim, device_id=-1))
         return self.inner.sim.render(camera_name=self._camera, height=height, width=width)[::-1]
 
     def close(self) -> None:
