@@ -7,22 +7,13 @@ from p2l.team.facility import of_table
 from p2l.team.facility.alarm import silent
 from p2l.team.facility.local_search import columns_of, descend, open_cost
 from p2l.team.facility.tabu import Trail, Walk, wander
-from tests.team.team_instances import cheapest_by_hand, dense, tables
+from tests.team.team_instances import cheapest_by_hand, covering, dense, tables
 
 
 def walked(pairs, open_set, effort, *, steepest, seed=0, flag=None):
     trail = Trail(open_set, float(open_cost(pairs, open_set)), open_set)
     rng = np.random.default_rng(seed)
     return wander(pairs, columns_of(pairs), trail, effort, rng, steepest=steepest, flag=flag)
-
-
-def covering(seed):
-    """Every facility serves ten of 60 demands, almost for nothing, and costs 3000 to open: gaps of a quarter."""
-    rng = np.random.default_rng(seed)
-    service = np.full((60, 60), 60_000.0)
-    for j in range(60):
-        service[rng.choice(60, 10, replace=False), j] = rng.integers(0, 5, 10)
-    return np.full(60, 3000.0), service
 
 
 @settings(max_examples=100)

@@ -7,13 +7,15 @@ This is the large-scale route of the team planner and of `p2l.team.facility.loca
 from __future__ import annotations
 
 import functools
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from p2l.records import Array, BoolArray
 from p2l.team.facility.alarm import Alarm, silent
-from p2l.team.facility.branch import Target, branch_and_bound
+from p2l.team.facility.branch import Incumbent, Search, Target, branch_and_bound
+from p2l.team.facility.count import count_cases, whole_search
 from p2l.team.facility.dual_ascent import dual_ascent
 from p2l.team.facility.fixing import Core, shrink, whole
 from p2l.team.facility.greedy import greedy_solution
@@ -26,7 +28,8 @@ from p2l.team.facility.volume import Bound, bound_of, raise_bound
 
 _ROUNDS = 20  # of bound, rounding and fixing at the root, unless progress ends earlier
 _ITERATIONS = 300  # of the volume algorithm per round
-_PATIENCE, _LONGEST = 5e8, 1e8  # steps of tabu search without a better plan: per relative gap, and at most
+_PATIENCE = 3e8  # steps of tabu search without a better plan, per relative gap
+_LONGEST, _MOST = 600.0, 6e7  # steps at most, per facility and pair, and at all
 _SEED = 0  # of the tabu search
 _THRESHOLDS = (0.05, 0.2, 0.4, 0.6, 0.8)  # of the estimated opening, rounded up to an open set
 
@@ -65,6 +68,7 @@ def solve_pairs(
     multipliers: Array | None = None,
     open_set: BoolArray | None = None,
     whole_numbers: bool = False,
+    counting: bool = False,
 ) -> PairsSolution:
     """Solve an instance to the relative `gap` or until the `deadline` of `time.perf_counter`.
 
@@ -75,6 +79,7 @@ def solve_pairs(
         multipliers: [D] where to begin; dual ascent otherwise.
         open_set: [F] a solution that is known already.
         whole_numbers: all costs are, and the checker knows.
+        counting: whether the proof may have cases of how many facilities are open.
     """
     small, scale, known = presolve(pairs)
     with Alarm(deadline) as alarm:
@@ -89,8 +94,8 @@ def solve_pairs(
         complete = lower >= target.cutoff(upper)
         if not complete and not alarm.rang:
             root, node, walk = _improved(root, target, tree, node, alarm)
-            search = branch_and_bound(root.core, root.bound, root.open, root.upper, target, tree, node, walk, alarm)
-            best, upper, lower, complete = search.open, search.upper, max(lower, search.lower), search.complete
+            (best, upper), proven, complete = _search(root, target, tree, node, walk, alarm, counting=counting)
+            lower = max(lower, proven)
     full = np.zeros(pairs.facilities, dtype=bool)
     full[root.core.origin[best]] = True
     proof = tree.certificate(target.cutoff(upper) if complete else lower, scale)
@@ -124,7 +129,7 @@ def _start(pairs: Pairs, multipliers: Array, known: BoolArray, alarm: Alarm) -> 
 
 def _tighten(root: Root, target: Target, alarm: Alarm) -> tuple[Root, Tree, int]:
     """Alternate bound, rounding and fixing while they make progress; also the tree, and where the search goes on."""
-    tree, node = Tree(root.bound.multipliers), 0
+    tree, node = Tree(root.bound.multipliers, root.core.pairs.facilities), 0
     columns = columns_of(root.core.pairs)
     idle = 0
     for _ in range(_ROUNDS):
@@ -149,7 +154,8 @@ def _improved(root: Root, target: Target, tree: Tree, node: int, alarm: Alarm) -
     rng = np.random.default_rng(_SEED)
     walk = Walk(root.core.pairs, root.open, root.upper, rng)
     gap = (root.upper - root.bound.value) / root.upper if root.upper > 0.0 else 0.0
-    trail = walk.patiently(min(_LONGEST, _PATIENCE * gap), alarm.flag)
+    most = min(_MOST, _LONGEST * root.core.pairs.facilities * len(root.core.pairs.cost))
+    trail = walk.patiently(min(most, _PATIENCE * gap), alarm.flag)
     if trail.cost >= root.upper:
         return root, node, walk
     root = replace(root, open=trail.best, upper=trail.cost)
@@ -157,6 +163,19 @@ def _improved(root: Root, target: Target, tree: Tree, node: int, alarm: Alarm) -
         return root, node, walk
     root = smaller[0]
     return root, tree.child(node), Walk(root.core.pairs, root.open, root.upper, rng)
+
+
+def _search(root: Root, target: Target, tree: Tree, node: int, walk: Walk, alarm: Alarm, *, counting: bool) -> Search:
+    """Branch and bound, in cases of how many facilities are open where that says much."""
+    parts = [whole_search(root.core, root.bound, node)]
+    if counting:
+        parts = count_cases(parts[0], root.open, root.upper, target.cutoff(root.upper), tree, alarm)
+    best, lower, complete = Incumbent(root.open, root.upper), math.inf, True
+    for part in parts:
+        search = branch_and_bound(root.core, part, best, target, tree, walk, alarm)
+        best, complete = search.best, complete and search.complete
+        lower = min(lower, search.lower)
+    return Search(best, lower, complete)
 
 
 def _round(root: Root, columns: Columns, bound: Bound, alarm: Alarm) -> tuple[BoolArray, float]:
