@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from p2l.errors import ConfigError, InputError, ShapeError
 from p2l.team.files import read_problem
-from p2l.team.shop import Choice, Shop, plan_shop, read_shop
+from p2l.team.shop import Ruling, Shop, plan_shop, read_shop
 
 ORDERS = "task,c_rob,c_hum,c_fail,c_demo,pretrained\ncup,10,100,100,200,0\nlid,10,100,100,200,0.5\nbox,1e1,90,80,70,1\n"
 SQUARE = ",box,cup,lid\nlid,0.1,0.2,1\ncup,0.3,1,0.4\nbox,1,0.5,0.6\n"
@@ -153,8 +153,8 @@ def test_names_that_a_spreadsheet_would_run_are_known_with_their_apostrophe(tmp_
 
 COLUMNS = [
     (with_column("count", 1, "", "3.0"), {"count": [1, 1, 3]}),
-    (with_column("Decision", "Act", "!Learn", ""), {"choice": [Choice.ACT, Choice.NOT_LEARN, Choice.FREE]}),
-    (with_column("decision", "DELEGATE", "learn", "! learn"), {"choice": [Choice.DELEGATE, Choice.LEARN, 3]}),
+    (with_column("Decision", "Act", "!Learn", ""), {"choice": [Ruling.ACT, Ruling.NOT_LEARN, Ruling.FREE]}),
+    (with_column("decision", "DELEGATE", "learn", "! learn"), {"choice": [Ruling.DELEGATE, Ruling.LEARN, 3]}),
     (with_column("teachable", "", "no", "ja"), {"c_demo": [[200, inf, 70]]}),
     (with_column("demo success", "", 0.5, "20%"), {"c_demo": [[200, 400, 350]], "transfer": [TABLE]}),
     (

@@ -135,7 +135,7 @@ def _cut(instance: Instance, certificate: Certificate) -> Array:
 
 def _prices(instance: Instance, certificate: Certificate) -> Array:
     """[R, K] prices of the instance's limits; zeros of a certificate that has none."""
-    count, given = 0 if instance.limits is None else len(instance.limits), certificate.limit_prices
+    count, given = 0 if instance.limits is None else len(instance.limits), certificate.prices
     if given.shape[1] not in (0, count):
         raise SolverError(f"certificate: has prices of {given.shape[1]} limits; there are {count}")
     return given if given.shape[1] else np.zeros((len(given), count))

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Literal, cast
 
@@ -178,7 +178,7 @@ class Certificate:
     facility: IntArray
     is_open: BoolArray
     target: float
-    prices: Array | None = None
+    prices: Array = field(default_factory=lambda: np.zeros((0, 0)))
     count_prices: Array | None = None
 
     def __post_init__(self) -> None:
@@ -189,7 +189,7 @@ class Certificate:
         for name in ("parent", "facility"):
             put(self, name, freeze(name, getattr(self, name), ("T",), sizes, np.int64, low=-1))
         put(self, "is_open", freeze("is_open", self.is_open, ("T",), sizes, np.bool_))
-        prices = np.zeros((len(self.multipliers), 0)) if self.prices is None else self.prices
+        prices = self.prices if np.size(self.prices) else np.zeros((len(self.multipliers), 0))
         put(self, "prices", freeze("prices", prices, ("R", "K"), sizes, low=0.0, high=_FAR))
         count_prices = np.zeros(len(self.multipliers)) if self.count_prices is None else self.count_prices
         put(self, "count_prices", freeze("count_prices", count_prices, ("R",), sizes, low=-_FAR, high=_FAR))
@@ -202,14 +202,8 @@ class Certificate:
     def of(cls, multipliers: Array, prices: Array | None = None) -> Certificate:
         """The one of a single L(v), multipliers [D], at the prices [K] of limits."""
         one = np.zeros(1, dtype=np.int64)
-        rows = None if prices is None else np.asarray(prices)[None]
+        rows = np.zeros((0, 0)) if prices is None else np.asarray(prices)[None]
         return cls(np.asarray(multipliers)[None], one, one - 1, one - 1, one > 0, -math.inf, rows)
-
-    @property
-    def limit_prices(self) -> Array:
-        """[R, K] `prices`."""
-        assert self.prices is not None
-        return self.prices
 
 
 @dataclass(frozen=True)

@@ -22,7 +22,7 @@ from p2l.evaluation.team.page_parts import NONE, STYLE, Column, cell, facts, hea
 from p2l.team.plan_files import proof_text
 from p2l.team.problem import Decision
 from p2l.team.shop.outcome import shop_outcome
-from p2l.team.shop.record import Choice, Shop, ShopPlan
+from p2l.team.shop.record import Ruling, Shop, ShopPlan
 from p2l.team.shop.rows import PlanRow, plan_rows
 
 _POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
@@ -111,7 +111,7 @@ def plan_page(
 
 def cost_without_lessons(shop: Shop, plan: ShopPlan) -> float:
     """Expected cost of the day if no lesson is given, though some may be demanded; infinite if that cannot be done."""
-    choice = np.where(shop.choice == Choice.LEARN, Choice.NOT_LEARN, shop.choice)
+    choice = np.where(shop.choice == Ruling.LEARN, Ruling.NOT_LEARN, shop.choice)
     return shop_outcome(replace(shop, choice=choice), np.zeros((0, 2), dtype=np.int64), plan.sequence).total
 
 

@@ -19,7 +19,7 @@ from p2l.team.cases import Instance, tree_bound
 from p2l.team.certificate import PROVEN, Verdict
 from p2l.team.problem import Status, relative_gap
 from p2l.team.shop.outcome import attempt_cost, shop_outcome
-from p2l.team.shop.record import Choice, Shop, ShopCertificate, ShopPlan, precedence
+from p2l.team.shop.record import Ruling, Shop, ShopCertificate, ShopPlan, precedence
 
 _TABLE = 4_000_000  # entries of a table of service costs that is kept from case to case
 
@@ -129,7 +129,7 @@ def _services(shop: Shop) -> _Services:
         cost = np.full((high - low, len(facilities)), np.inf)
         for g in range(low, high):
             i = int(task[g])
-            if shop.choice[i] != Choice.DELEGATE and not (shop.choice[i] == Choice.LEARN and g < shop.n):
+            if shop.choice[i] != Ruling.DELEGATE and not (shop.choice[i] == Ruling.LEARN and g < shop.n):
                 attempts = attempt_cost(shop, robot, np.full(len(robot), i), shop.transfer[robot, lesson, i])
                 cost[g - low] = float(size[g]) * attempts
                 if forbidden is not None:
@@ -168,14 +168,14 @@ def _instance(shop: Shop, services: _Services, dropped: BoolArray) -> Instance:
 
 def _may_be_taught(shop: Shop, lesson: int) -> bool:
     i = int(shop.completes[lesson])
-    return i < 0 or shop.choice[i] in (Choice.FREE, Choice.LEARN)
+    return i < 0 or shop.choice[i] in (Ruling.FREE, Ruling.LEARN)
 
 
 def _without_lessons(shop: Shop, group: int, task: int, size: float) -> float:
-    if shop.choice[task] == Choice.LEARN and group < shop.n:
+    if shop.choice[task] == Ruling.LEARN and group < shop.n:
         return math.inf
-    person = math.inf if shop.choice[task] == Choice.ACT else float(shop.c_hum[task])
-    if shop.choice[task] == Choice.DELEGATE:
+    person = math.inf if shop.choice[task] == Ruling.ACT else float(shop.c_hum[task])
+    if shop.choice[task] == Ruling.DELEGATE:
         return person * size
     robots = np.arange(len(shop.robots))
     attempts = attempt_cost(shop, robots, np.full(len(robots), task), shop.pretrained[:, task])

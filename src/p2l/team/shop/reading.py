@@ -1,7 +1,7 @@
 """A person's own day as a `Shop`: tables of orders, transfer, robots and a partial order, with whatever they leave out.
 
-Reading stops at the first thing that is wrong, with one message that names the file, the row and the column. What had
-to be assumed is said in `Reading.remarks`.
+ShopReading stops at the first thing that is wrong, with one message that names the file, the row and the column. What had
+to be assumed is said in `ShopReading.remarks`.
 """
 
 from __future__ import annotations
@@ -21,24 +21,24 @@ from p2l.team.shop.lessons import TransferTable, open_table
 from p2l.team.shop.measurements import Measured, read_probabilities
 from p2l.team.shop.orders import Orders, listed, read_orders
 from p2l.team.shop.outcome import attempt_cost
-from p2l.team.shop.record import SHOP_ORDERS, Choice, Shop, ShopOrder
+from p2l.team.shop.record import SHOP_ORDERS, Ruling, Shop, ShopOrder
 from p2l.team.shop.reduction import outside_costs, too_late
 from p2l.team.shop.robots import Robots, read_before, read_robots
 
 _NO_WAY = {
-    Choice.FREE: "cannot be done: nobody can do or teach it, and no lesson that comes in time makes an attempt "
+    Ruling.FREE: "cannot be done: nobody can do or teach it, and no lesson that comes in time makes an attempt "
     "possible; give it a finite cost",
-    Choice.ACT: "is to be attempted, and no attempt is possible, not by a lesson that comes in time either; give it a "
+    Ruling.ACT: "is to be attempted, and no attempt is possible, not by a lesson that comes in time either; give it a "
     "finite c_rob and c_fail",
-    Choice.DELEGATE: "is to be delegated, and the person cannot do it; give it a finite c_hum",
-    Choice.LEARN: "is to be taught, and cannot be; give it a finite c_demo, and do not say teachable=no",
+    Ruling.DELEGATE: "is to be delegated, and the person cannot do it; give it a finite c_hum",
+    Ruling.LEARN: "is to be taught, and cannot be; give it a finite c_demo, and do not say teachable=no",
 }
 
 Filling = Callable[[tuple[str, ...], tuple[str, ...]], Array]
 
 
 @dataclass(frozen=True)
-class Reading:
+class ShopReading:
     """What a person's tables say.
 
     Attributes:
@@ -65,7 +65,7 @@ def read_shop(
     max_teaching: float = math.inf,
     fill: float | None = None,
     filling: Filling | None = None,
-) -> Reading:
+) -> ShopReading:
     r"""Read a day.
 
     Args:
@@ -135,7 +135,7 @@ def read_shop(
     _refuse_impossible(shop, today)
     if measured.own and (team.skill < 1.0).any():
         remarks += ("skill lowers what is measured with no robot in particular; rows of a robot are taken as they are",)
-    return Reading(
+    return ShopReading(
         shop=shop,
         remarks=(*today.remarks, *team.remarks, *remarks, *measured.remarks, *gaps),
         extra=today.extra,
@@ -232,14 +232,14 @@ def _default(
 def _lessons_to_give(shop: Shop) -> BoolArray:
     """[R, L] lessons that can be given to a robot, and that no decision rules out."""
     can_teach: BoolArray = np.isfinite(shop.c_demo)
-    can_teach[:, : shop.n] &= (shop.choice == Choice.FREE) | (shop.choice == Choice.LEARN)
+    can_teach[:, : shop.n] &= (shop.choice == Ruling.FREE) | (shop.choice == Ruling.LEARN)
     return can_teach
 
 
 def _useful(shop: Shop) -> BoolArray:
     """[R, L, n] pairs that a plan may use: the lesson can be given and comes in time, the task can be attempted."""
-    can_act = np.isfinite(shop.c_rob) & (shop.choice != Choice.DELEGATE)
-    can_act &= (shop.choice != Choice.LEARN) | (shop.count > 1)
+    can_act = np.isfinite(shop.c_rob) & (shop.choice != Ruling.DELEGATE)
+    can_act &= (shop.choice != Ruling.LEARN) | (shop.count > 1)
     useful: BoolArray = _lessons_to_give(shop)[:, :, None] & can_act[:, None, :]
     useful[:, : shop.n] &= ~too_late(shop)
     own = np.arange(shop.n)
@@ -266,16 +266,16 @@ def _refuse_impossible(shop: Shop, orders: Orders) -> None:
     robots = np.arange(len(shop.robots))
     for group in lost:
         each, is_first = int(task[group]), group < shop.n
-        choice = Choice(int(shop.choice[each]))
+        choice = Ruling(int(shop.choice[each]))
         in_time = can_teach.copy()
         in_time[:, : shop.n] &= ~late[:, each]
         best = np.where(in_time, shop.transfer[:, :, each], -1.0).max(axis=1)
         attempts = attempt_cost(shop, robots, np.full(len(robots), each), np.maximum(best, 0.0))
-        is_attempted = choice != Choice.DELEGATE and not (is_first and choice == Choice.LEARN)
+        is_attempted = choice != Ruling.DELEGATE and not (is_first and choice == Ruling.LEARN)
         by_attempt = is_attempted and bool((np.isfinite(attempts) & (best >= 0.0)).any())
         if by_attempt or (is_first and can_teach[:, each].any()):
             continue
         what = f"task '{shop.tasks[each]}'" + ("" if is_first else ", after its first copy,")
-        has_decision = choice in (Choice.ACT, Choice.DELEGATE, Choice.LEARN) and (is_first or choice != Choice.LEARN)
-        problem = f"{what} {_NO_WAY[choice if has_decision else Choice.FREE]}"
+        has_decision = choice in (Ruling.ACT, Ruling.DELEGATE, Ruling.LEARN) and (is_first or choice != Ruling.LEARN)
+        problem = f"{what} {_NO_WAY[choice if has_decision else Ruling.FREE]}"
         raise InputError.at(orders.name, orders.lines[each], orders.decision if has_decision else None, problem)
