@@ -160,11 +160,11 @@ def _day(shop: Shop, rows: Sequence[PlanRow]) -> str:
             f'<td class="number">{_chance(row.p_success)}</td><td class="number">{amount(row.expected_cost)}</td>'
             f'<td class="bar {kind}" aria-hidden="true"><span>{bar}</span></td></tr>'
         )
-    costs = "Success is of each copy, cost of all copies together" if shop.count.max() > 1 else "Costs are"
+    costs = "Success is of each copy, cost of all copies together," if shop.count.max() > 1 else "Costs are"
     heads = (header("step", True), header("task"), header("done as"), header("by"), header("with"))
     numbers = (header("success", True), header("expected cost", True))
     key = '<td class="key" aria-hidden="true">bar: cost, <i class="risk"></i> expected failure</td>'
-    note = f"Tasks {ORDER[shop.order]}. {costs}, in the {UNIT}."
+    note = f"Tasks {ORDER[shop.order]}. {costs} in the {UNIT}."
     return table(note, "".join([*heads, *numbers, key]), lines, kind="day")
 
 
