@@ -12,7 +12,8 @@ import numpy as np
 
 from p2l.errors import InputError, ShapeError
 from p2l.records import IntArray
-from p2l.team.problem import LARGEST, Order, Problem
+from p2l.team.costs import LARGEST
+from p2l.team.problem import Order, Problem
 from p2l.transfer.few_trials import TaskTable, Trials
 
 _COUNTS, _SINGLE = ("successes", "attempts"), ("success",)

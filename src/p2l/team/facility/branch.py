@@ -17,7 +17,7 @@ import numpy as np
 
 from p2l.records import Array, BoolArray, IntArray
 from p2l.team.facility.alarm import Alarm
-from p2l.team.facility.count import Part
+from p2l.team.facility.count import CountCase
 from p2l.team.facility.fixing import Core, fix, shrink
 from p2l.team.facility.local_search import columns_of, descend, open_cost
 from p2l.team.facility.tabu import Walk
@@ -120,7 +120,7 @@ class Search(NamedTuple):
 
 
 def branch_and_bound(
-    root: Core, part: Part, best: Incumbent, target: Target, tree: Tree, walk: Walk, alarm: Alarm
+    root: Core, part: CountCase, best: Incumbent, target: Target, tree: Tree, walk: Walk, alarm: Alarm
 ) -> Search:
     """Search a part for a plan better than the best so far, until proven or until the alarm.
 
@@ -158,7 +158,7 @@ def branch_and_bound(
     return Search(best, target.cutoff(best.upper), True)
 
 
-def _left(part: Part, frontier: Frontier, cutoff: float, tree: Tree) -> float:
+def _left(part: CountCase, frontier: Frontier, cutoff: float, tree: Tree) -> float:
     """The bound that an interrupted search proves.
 
     Where its prices say little about costs, its open nodes are priced once more, in true ones.
