@@ -22,7 +22,8 @@ from p2l.records import Array
 
 SIDES = ("wall_left_cm", "wall_right_cm", "wall_bottom_cm", "wall_top_cm")
 TIE_CM = 0.01  # walls that differ by less are equally near to who demonstrates
-PAIR_NAMES = ("least_shift_cm", "largest_shift_cm", "walls_that_tie", "lesson_wall_cm")
+PLAY_CM = 0.1  # a part in its slot, to each side: what a shift is large or small against
+PAIR_NAMES = ("least_shift", "largest_shift", "walls_that_tie", "lesson_wall_cm")
 
 
 def is_linear(encoding: Encoding) -> bool:
@@ -38,10 +39,10 @@ def width(encoding: Encoding, features: int) -> int:
 def wall_pairs(feature_names: tuple[str, ...], train: Array, test: Array) -> Array:
     """[K, M, 4] what matters of the walls that a lesson can lean on, in the order of `PAIR_NAMES`.
 
-    A shift is how much farther the wall of a side is from the tested slot than from the lesson's, cm. Of the sides
-    whose wall is nearest to the lesson's slot, these are the shift of the smallest and of the largest magnitude, how
-    many sides there are, and the distance of that wall from the lesson's slot. They are the same for both tasks
-    mirrored or turned by a quarter.
+    A shift is how much farther the wall of a side is from the tested slot than from the lesson's: arsinh(cm / 0.1 cm),
+    which tells a tenth of a millimetre near zero and does not care for centimetres. Of the sides whose wall is nearest
+    to the lesson's slot, these are the shifts of the smallest and of the largest magnitude, the number of sides, and
+    the distance of that wall from the lesson's slot. They are the same for both tasks mirrored or turned by a quarter.
 
     Args:
         feature_names: F names, `SIDES` among them.
@@ -59,9 +60,13 @@ def wall_pairs(feature_names: tuple[str, ...], train: Array, test: Array) -> Arr
     leant = lesson <= nearest + TIE_CM  # [K, S]
     shift = tested[None] - lesson[:, None]  # [K, M, S]
     size = np.abs(shift)
-    least = np.where(leant[:, None], size, np.inf).argmin(axis=2)
-    largest = np.where(leant[:, None], size, -np.inf).argmax(axis=2)
-    picked = [np.take_along_axis(shift, side[..., None], axis=2)[..., 0] for side in (least, largest)]
+    smallest = np.where(leant[:, None], size, np.inf).min(axis=2)
+    greatest = np.where(leant[:, None], size, -np.inf).max(axis=2)
+    # Of two that are as large, the smallest is the nearer wall and the largest the farther one, whatever their sides.
+    nearer = (leant[:, None] & (shift <= -smallest[..., None])).any(axis=2)
+    farther = (leant[:, None] & (shift >= greatest[..., None])).any(axis=2)
+    least, largest = np.where(nearer, -smallest, smallest), np.where(farther, greatest, -greatest)
+    picked = [np.arcsinh(value / PLAY_CM) for value in (least, largest)]
     of_lesson = [np.broadcast_to(values[:, None], shift.shape[:2]) for values in (leant.sum(axis=1), nearest[:, 0])]
     return np.stack([*picked, *of_lesson], axis=2).astype(np.float64)
 
