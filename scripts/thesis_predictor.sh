@@ -17,7 +17,7 @@ export PATH=$root/.venv/bin:$PATH PYTHONPATH=$root/src:$root
 read -ra domains <<< "${DOMAINS:-insertion insertion_continuous}"
 common=("experiment=${PRESET:-thesis}" tracking=disabled)
 [ -z "${THREADS:-}" ] || common+=("++domain.params.nthread=$THREADS")
-declare -A choice=([insertion]=insertion_walls [insertion_continuous]=insertion_continuous) # has what is measured, too
+declare -A study=([insertion]=insertion_measured [insertion_continuous]=insertion_continuous)
 declare -A draws=([predicted]=0)
 
 # Costs of plans are quickly made anew; only what was simulated comes from the records, and goes there.
@@ -28,20 +28,20 @@ trap keep EXIT
 cd "$root"
 for domain in "${domains[@]}"; do
   for seed in 101 102; do
-    python -m stages.collect "${common[@]}" "domain=${choice[$domain]}" "seed=$seed" "records=$results/records" \
+    python -m stages.collect "${common[@]}" "domain=$domain" "seed=$seed" "records=$results/records" \
       "hydra.run.dir=$work/choice/$domain-s$seed"
   done
   data=$work/collect/$domain/transfer_data.npz
-  python -m stages.collect "${common[@]}" "domain=${choice[$domain]}" "records=$results/records" \
+  python -m stages.collect "${common[@]}" "domain=$domain" "records=$results/records" \
     "hydra.run.dir=$work/collect/$domain"
   for encoding in difference walls; do
-    of=("${common[@]}" "domain=${choice[$domain]}" "++domain.params.encoding=$encoding")
+    of=("${common[@]}" "domain=$domain" "++domain.params.encoding=$encoding")
     fitted=$work/fit_transfer/$domain-$encoding
     python -m stages.fit_transfer "${of[@]}" "records=$results/records" "transfer_data=$data" "hydra.run.dir=$fitted"
     for skills in predicted measured; do
       item=$domain-$encoding-$skills
-      measured=()
-      [ -z "${draws[$skills]:-}" ] || measured=("++study.pretrained_draws=${draws[$skills]}")
+      measured=("study=${study[$domain]}")
+      [ -z "${draws[$skills]:-}" ] || measured+=("++study.pretrained_draws=${draws[$skills]}")
       python -m stages.plan "${of[@]}" "${measured[@]}" "records=$results/records" "transfer_data=$data" \
         "transfer_model=$fitted/transfer_model.safetensors" "hydra.run.dir=$work/plan/$item"
       cp -n "$results/records/$domain-"{truth,skills}-*.json "$work/records/" 2> /dev/null || true

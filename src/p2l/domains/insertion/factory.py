@@ -19,7 +19,7 @@ from p2l.domains.insertion.physics import InsertionPhysics
 from p2l.errors import ConfigError
 
 T = TypeVar("T")
-ENCODINGS: dict[Layout, Encoding] = {"grid": "walls", "continuous": "walls", "board": "difference"}
+ENCODINGS: dict[Layout, Encoding] = {"grid": "walls", "board": "difference", "continuous": "walls"}
 
 
 def insertion(
