@@ -13,7 +13,7 @@ from p2l.records import TransferData
 from p2l.schema import FitTransferConfig
 from p2l.seeding import generator, torch_seed
 from p2l.tracking import Tracker
-from p2l.transfer.encodings import is_linear
+from p2l.transfer.encodings import name_in_records
 from p2l.transfer.fitting import FitOptions, Report, fit_best, split_tasks
 from stages._archive import make_or_restore
 from stages._bridge import fields_of
@@ -28,8 +28,8 @@ FILES = (MODEL, f"{MODEL}.json", "metrics.json", "calibration.csv", "calibration
 def run(cfg: FitTransferConfig, out: Path, track: Tracker) -> None:
     """Write transfer_model.safetensors with its card, metrics.json, calibration.csv and calibration.png."""
     domain = make_domain(cfg.domain.key, cfg.domain.params)
-    other = "" if is_linear(domain.encoding) else domain.encoding  # records of the thesis's encodings do not name them
-    make_or_restore("fit_transfer", VERSION, cfg, out, FILES, lambda: _fit(cfg, domain, out, track), other)
+    seen_as = name_in_records(domain.encoding, chosen="encoding" in cfg.domain.params)
+    make_or_restore("fit_transfer", VERSION, cfg, out, FILES, lambda: _fit(cfg, domain, out, track), seen_as)
     scores = load_json(out / "metrics.json", schema="fit_transfer_metrics", version=1)["scores"]
     mine = [row for row in scores if row["method"] == "model"]
     track.metrics({f"{row['pairs']}/{row['metric']}": row["mean"] for row in mine if row["mean"] is not None})

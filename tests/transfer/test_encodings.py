@@ -13,7 +13,7 @@ from p2l.errors import ArtifactError, ShapeError
 from p2l.records import TransferData
 from p2l.transfer import baselines
 from p2l.transfer.calibration import auc
-from p2l.transfer.encodings import PLAY_CM, SIDES, wall_pairs, width
+from p2l.transfer.encodings import PLAY_CM, SIDES, name_in_records, wall_pairs, width
 from p2l.transfer.fitting import FitOptions, fit, split_tasks
 from p2l.transfer.model import load_transfer_model
 
@@ -66,6 +66,13 @@ def test_both_tasks_mirrored_or_turned_are_the_same_pair(lesson, tested, move):
 @given(DISTANCES)
 def test_a_lesson_on_the_same_task_has_no_shift(lesson):
     assert_array_equal(pair(lesson, lesson)[:2], 0.0)
+
+
+def test_records_from_before_the_choice_stay_those_of_the_encodings_of_then():
+    assert name_in_records("difference", chosen=False) == name_in_records("difference", chosen=True) == ""
+    assert name_in_records("concatenation", chosen=False) == ""  # Lego's
+    named = [name_in_records(name, chosen=chosen) for name in ("walls", "concatenation") for chosen in (True, False)]
+    assert named[:3] == ["walls", "walls", "concatenation"]
 
 
 def test_tasks_without_walls_are_refused():

@@ -31,6 +31,14 @@ def is_linear(encoding: Encoding) -> bool:
     return encoding in ("difference", "concatenation")
 
 
+def name_in_records(encoding: Encoding, *, chosen: bool) -> str:
+    """What records of fitted models say of the encoding; nothing of those that are older than the choice.
+
+    These are of `difference`, and of whatever linear encoding a domain has that offers no other (`chosen` is false).
+    """
+    return "" if encoding == "difference" or (is_linear(encoding) and not chosen) else encoding
+
+
 def width(encoding: Encoding, features: int) -> int:
     """D, from the number of a task's features."""
     return {"difference": features, "concatenation": 2 * features}.get(encoding, len(PAIR_NAMES))
