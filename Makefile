@@ -38,7 +38,7 @@ $(STAMP): requirements.lock | $(OURS)
 	"$(PYTHON)" -m venv $(VENV)
 	$(BIN)/python -m pip install --quiet --no-deps -r requirements.lock # complete, but for the OpenCV that wants a screen
 	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation -e .
-	$(BIN)/python -c 'from p2l.team.facility import load_kernels; load_kernels()' # compiled once, kept beside the sources
+	$(BIN)/python -c 'from p2l.team.facility import load_kernels, within_limits; load_kernels(); within_limits()' # compiled once, kept beside the sources
 	touch $@
 
 repro: $(STAMP) ## run the whole pipeline (preset of conf/pipeline.yaml); only what changed

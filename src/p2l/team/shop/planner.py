@@ -192,7 +192,10 @@ class _ShopSearch:
             )
             if self._is_within(reduction, limits, free.open):
                 return free
-        solve_within = loaded(facility.within_limits, self.deadline).solve_within
+        try:
+            solve_within = loaded(facility.within_limits, self.deadline).solve_within
+        except TimeoutError:
+            return _without_lessons(pairs)
         within: PairsSolution = solve_within(
             pairs, reduction.weights[used], limits[used], deadline=self.deadline, gap=self.gap
         )
@@ -209,3 +212,12 @@ class _ShopSearch:
             return np.zeros(reduction.pairs.facilities, dtype=bool)
         open_set: BoolArray = solve.dual_ascent_lessons(reduction.pairs, self.deadline)[0]
         return open_set
+
+
+def _without_lessons(pairs: facility.Pairs) -> PairsSolution:
+    """What is known where there is no time to search: the plan without lessons, and every group at its cheapest."""
+    none = np.zeros(pairs.facilities, dtype=bool)
+    has_pair = np.diff(pairs.start) > 0
+    first = np.minimum(pairs.start[:-1], max(0, len(pairs.cost) - 1))
+    cheapest = np.where(has_pair, pairs.cost[first], pairs.outside) if len(pairs.cost) else pairs.outside
+    return PairsSolution(none, float(pairs.outside.sum()), False, Certificate.of(cheapest))
