@@ -176,9 +176,7 @@ def read_shop_plan(folder: Path | str, shop: Shop, extra: Mapping[str, tuple[str
     out = Path(folder)
     summary = read_summary(out)
     try:
-        groups: dict[str, Any] = {
-            name: np.array(summary["groups"][name], dtype=kind) for name, kind in _GROUPS.items()
-        }
+        groups: dict[str, Any] = {name: np.array(summary["groups"][name], dtype=kind) for name, kind in _GROUPS.items()}
         plan = ShopPlan(
             planner=str(summary["planner"]), status=cast(Status, summary["status"]),
             objective=_float(summary, "objective"), lower_bound=_float(summary, "lower_bound"),
