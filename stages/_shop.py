@@ -16,7 +16,7 @@ from p2l.team.sheets import check_standard_input
 from p2l.team.shop import Shop, ShopPlan, plan_shop
 from p2l.team.shop.explain import break_even_rows, explain_shop, reason_rows
 from p2l.team.shop.files import check_shop_place, of_plan, write_shop_plan
-from p2l.team.shop.reading import Filling, Reading, read_shop
+from p2l.team.shop.reading import Filling, ShopReading, read_shop
 from p2l.team.shop.reasons import reasons_of
 from p2l.tracking import Tracker
 
@@ -26,7 +26,7 @@ _MODELS, _FOLDS, _FEWEST_PAIRS, _LEVEL = ("logistic", "gp", "trees", "net"), 5, 
 
 def read_own_tasks(
     cfg: PlanConfig | CheckPlanConfig, order: Order, max_lessons: float | None, max_teaching: float | None
-) -> Reading:
+) -> ShopReading:
     """The shop in the files that a configuration names, missing pairs filled as it says."""
     assert cfg.tasks is not None
     assert cfg.transfer is not None

@@ -3,7 +3,8 @@
 Everything that a person imports, in one place; nothing is loaded before it is used.
 
 Which tasks to teach (thesis, chapter 3): `Problem`, `Plan`, `Decision`, `plan`, `explain`, `read_problem`,
-`write_plan`, `read_plan`, `check_certificate`, and facility location for its own sake, `solve_facility_location`.
+`write_plan`, `read_plan`, `check_certificate`; with copies, robots, limits and a partial order: `Shop`, `read_shop`,
+`plan_shop`, `check_shop_plan`; and facility location for its own sake, `solve_facility_location`.
 Which recovery to train next (chapter 4): `SkillGraph` (of `NominalSkill`s), `History`,
 `Trained`, `learn`, `make_chooser`.
 What skills are learnt in: `make_world`, `make_domain`, and an environment of your own, `GymnasiumWorld`.
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     from p2l.team.plan_files import explain, read_plan, write_plan
     from p2l.team.planners import plan
     from p2l.team.problem import Decision, Plan, Problem
+    from p2l.team.shop import Shop, check_shop_plan, plan_shop, read_shop
     from p2l.worlds.gymnasium import GymnasiumWorld
     from p2l.worlds.table import make_world
 
@@ -48,10 +50,12 @@ __all__ = [
     "P2LError",
     "Plan",
     "Problem",
+    "Shop",
     "SkillGraph",
     "Trained",
     "__version__",
     "check_certificate",
+    "check_shop_plan",
     "discover",
     "explain",
     "learn",
@@ -60,8 +64,10 @@ __all__ = [
     "make_domain",
     "make_world",
     "plan",
+    "plan_shop",
     "read_plan",
     "read_problem",
+    "read_shop",
     "recovery_chaining",
     "solve_facility_location",
     "write_plan",
@@ -82,6 +88,7 @@ _HOMES = {
     "p2l.team.plan_files": ("explain", "read_plan", "write_plan"),
     "p2l.team.planners": ("plan",),
     "p2l.team.problem": ("Decision", "Plan", "Problem"),
+    "p2l.team.shop": ("Shop", "check_shop_plan", "plan_shop", "read_shop"),
     "p2l.worlds.gymnasium": ("GymnasiumWorld",),
     "p2l.worlds.table": ("make_world",),
 }

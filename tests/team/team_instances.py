@@ -109,3 +109,12 @@ def dense(size, kind, seed):
     low = {"a": 100, "b": 1000, "c": 10_000}[kind]
     opening = rng.integers(low, 2 * low + 1, size).astype(float)
     return opening, rng.integers(1000, 2001, (size, size)).astype(float)
+
+
+def covering(seed, places=60):
+    """Every facility serves ten demands, almost for nothing, and costs 3000 to open: gaps of a quarter."""
+    rng = np.random.default_rng(seed)
+    service = np.full((places, places), 60_000.0)
+    for j in range(places):
+        service[rng.choice(places, 10, replace=False), j] = rng.integers(0, 5, 10)
+    return np.full(places, 3000.0), service

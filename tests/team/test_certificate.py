@@ -110,7 +110,7 @@ def test_a_tree_with_a_case_left_out_is_refused():
     [
         ({"parent": changed(TREE.certificate.parent, 3, 5)}, "does not come after its parent"),
         ({"parent": changed(TREE.certificate.parent, 0, 0)}, "no root"),
-        ({"facility": changed(TREE.certificate.facility, -1, 80)}, "a facility that does not exist"),
+        ({"facility": changed(TREE.certificate.facility, -1, 160)}, "a facility that does not exist"),
         ({"is_open": np.ones(len(TREE.certificate.row), dtype=bool)}, "leave something out"),
         ({"multipliers": TREE.certificate.multipliers * 0.99}, "lower_bound is"),
     ],

@@ -12,7 +12,7 @@ from shop_instances import large_shop, small_shop
 from p2l.errors import ConfigError, ShapeError, SolverError
 from p2l.team import Problem, plan
 from p2l.team.problem import Decision
-from p2l.team.shop import Choice, Shop, ShopCertificate, check_shop_plan, plan_shop, shop_outcome
+from p2l.team.shop import Ruling, Shop, ShopCertificate, check_shop_plan, plan_shop, shop_outcome
 from p2l.team.shop.oracle import every_plan
 from p2l.team.shop.reasons import reasons_of
 
@@ -151,21 +151,21 @@ def test_a_person_decides():
     shop = replace(shop, c_demo=shop.c_demo * 0.4)
     free = plan_shop(shop)
     taught = int(free.taught[0, 0])
-    for choice, wanted in ((Choice.ACT, 0), (Choice.DELEGATE, 1), (Choice.LEARN, 2)):
+    for choice, wanted in ((Ruling.ACT, 0), (Ruling.DELEGATE, 1), (Ruling.LEARN, 2)):
         decided = np.array(shop.choice)
         decided[[taught, 7]] = choice
         day = plan_shop(replace(shop, choice=decided))
         assert day.decision[[taught, 7]].tolist() == [wanted, wanted]
         assert day.objective >= free.objective * (1 - 1e-9)
     decided = np.array(shop.choice)
-    decided[taught] = Choice.NOT_LEARN
+    decided[taught] = Ruling.NOT_LEARN
     assert plan_shop(replace(shop, choice=decided)).decision[taught] != Decision.LEARN
 
 
 def test_what_cannot_be_kept_is_said():
     shop = large_shop(5, counts=False)
     with pytest.raises(ConfigError, match="no plan keeps the limits"):
-        plan_shop(replace(shop, choice=np.full(5, Choice.LEARN), max_lessons=2.0))
+        plan_shop(replace(shop, choice=np.full(5, Ruling.LEARN), max_lessons=2.0))
     with pytest.raises(ShapeError, match="in a circle: task 0 before task 1 before task 0"):
         replace(shop, order="partial", before=np.array([[0, 1], [1, 0]]))
 

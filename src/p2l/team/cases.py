@@ -44,6 +44,18 @@ class Instance(NamedTuple):
     limits: Array | None = None
 
 
+class _Count(NamedTuple):
+    """How many facilities are open in a case, and demands outside: at least, at most; and the price μ of each."""
+
+    least: float = 0.0
+    most: float = math.inf
+    price: float = 0.0
+
+    def paid(self) -> float:
+        """μ, as often as the case says at least or at most."""
+        return self.price * (self.least if self.price > 0.0 else self.most)
+
+
 class _Case(NamedTuple):
     """A node's part of the instance: what is decided, which pairs are left, and a bound that is known already."""
 
@@ -53,13 +65,14 @@ class _Case(NamedTuple):
     facility: IntArray
     cost: Array
     low: float
+    opened: _Count = _Count()
 
 
 def tree_bound(instance: Instance, certificate: Certificate) -> float:
     """The lowest bound of a tree's leaves; its target where a case was left out that is no lower."""
     children = _children(certificate, len(instance.opening))
     multipliers = _cut(instance, certificate)[certificate.row]
-    prices = _prices(instance, certificate)[certificate.row]
+    prices, count_prices = _prices(instance, certificate)[certificate.row], _count_prices(certificate)[certificate.row]
     target = certificate.target
     low, gain = _first(instance, multipliers[0], prices[0])
     if low >= target:
@@ -70,6 +83,7 @@ def tree_bound(instance: Instance, certificate: Certificate) -> float:
         if fits is None:  # the open facilities alone take more than a limit
             continue
         case, v = fits, multipliers[fits.node]
+        case = case._replace(opened=case.opened._replace(price=float(count_prices[case.node])))
         low, gain = _evaluate(instance, case, v, prices[case.node])
         case = case._replace(low=max(low, case.low))
         if case.low < target:
@@ -94,7 +108,7 @@ def _children(certificate: Certificate, facilities: int) -> list[list[int]]:
     """
     nodes = len(certificate.parent)
     children: list[list[int]] = [[] for _ in range(nodes)]
-    if not nodes or certificate.parent[0] != -1 or bool((certificate.facility >= facilities).any()):
+    if not nodes or certificate.parent[0] != -1 or bool((certificate.facility >= 2 * facilities).any()):
         raise SolverError("certificate: it has no root, or a case of a facility that does not exist")
     for node, parent in enumerate(certificate.parent[1:].tolist(), start=1):
         if not 0 <= parent < node:
@@ -109,21 +123,28 @@ def _children(certificate: Certificate, facilities: int) -> list[list[int]]:
 
 
 def _cut(instance: Instance, certificate: Certificate) -> Array:
-    """The multipliers, cut at the outside options that they exceed by rounding."""
-    above = certificate.multipliers - instance.outside
-    if bool((above > _BEYOND * np.where(np.isfinite(instance.outside), instance.outside, 0.0)).any()):
+    """The multipliers, cut at the outside options that they exceed by rounding; a fine for them lets them rise."""
+    outside = instance.outside + np.maximum(0.0, -_count_prices(certificate))[:, None]
+    above = certificate.multipliers - outside
+    if bool((above > _BEYOND * np.where(np.isfinite(outside), outside, 0.0)).any()):
         name = instance.names[int(above.max(axis=0).argmax())]
         raise SolverError(f"certificate: multiplier of {name} is above its outside option")
-    cut: Array = np.minimum(certificate.multipliers, instance.outside)
+    cut: Array = np.minimum(certificate.multipliers, outside)
     return cut
 
 
 def _prices(instance: Instance, certificate: Certificate) -> Array:
     """[R, K] prices of the instance's limits; zeros of a certificate that has none."""
-    count, given = 0 if instance.limits is None else len(instance.limits), certificate.limit_prices
+    count, given = 0 if instance.limits is None else len(instance.limits), certificate.prices
     if given.shape[1] not in (0, count):
         raise SolverError(f"certificate: has prices of {given.shape[1]} limits; there are {count}")
     return given if given.shape[1] else np.zeros((len(given), count))
+
+
+def _count_prices(certificate: Certificate) -> Array:
+    """[R] μ of each v."""
+    assert certificate.count_prices is not None
+    return certificate.count_prices
 
 
 def _first(instance: Instance, v: Array, price: Array) -> tuple[float, Array]:
@@ -133,7 +154,7 @@ def _first(instance: Instance, v: Array, price: Array) -> tuple[float, Array]:
     for start in range(0, len(v), step):
         end = min(len(v), start + step)
         saving += np.maximum(v[start:end, None] - instance.block(start, end), 0.0).sum(axis=0)
-    return _lagrangian(instance, price, np.zeros(len(saving), dtype=np.int8), v, saving)
+    return _lagrangian(instance, price, _Count(), np.zeros(len(saving), dtype=np.int8), v, saving)
 
 
 def _evaluate(instance: Instance, case: _Case, v: Array, price: Array) -> tuple[float, Array]:
@@ -141,25 +162,43 @@ def _evaluate(instance: Instance, case: _Case, v: Array, price: Array) -> tuple[
     margin = v[case.demand] - case.cost
     used = margin > 0.0
     saving = np.bincount(case.facility[used], margin[used], len(case.state)).astype(np.float64)
-    return _lagrangian(instance, price, case.state, v, saving)
+    return _lagrangian(instance, price, case.opened, case.state, v, saving)
 
 
 def _lagrangian(
-    instance: Instance, price: Array, state: npt.NDArray[np.int8], v: Array, saving: Array
+    instance: Instance, price: Array, count: _Count, state: npt.NDArray[np.int8], v: Array, saving: Array
 ) -> tuple[float, Array]:
     """L(v) and, by facility, its reduced cost; what rounding may have changed is taken off the size of both."""
     opening, paid = instance.opening, np.zeros(0)
     if instance.weights is not None and instance.limits is not None and price.any():
         opening, paid = opening + price @ instance.weights, -price * instance.limits * (1.0 + _SLACK)
+    each = count.price if math.isfinite(count.paid()) else 0.0  # a fine is paid back nowhere without an upper count
+    opening, paid, fuzz = _with_count(instance, count, each, opening, paid, v)
     reduced_cost = np.where(state == _CLOSED, 0.0, opening) - saving
     used = (state == _OPEN) | ((state == _FREE) & (reduced_cost < 0.0))
     eps, prices = float(np.finfo(np.float64).eps), float(np.abs(v).sum())
-    lost = eps * (len(v) + 8) * (np.where(state == _CLOSED, 0.0, opening) + saving) + _ROUNDING * prices
+    lost = eps * (len(v) + 8) * (np.where(state == _CLOSED, 0.0, np.abs(opening)) + saving) + _ROUNDING * prices
+    lost += _ROUNDING * abs(each)
     value = math.fsum([*v.tolist(), *reduced_cost[used].tolist(), *paid.tolist()])
-    low = value - float(lost[used].sum()) - eps * (abs(value) + float(np.abs(paid).sum()))
+    low = value - float(lost[used].sum()) - eps * (abs(value) + float(np.abs(paid).sum())) - fuzz
     with np.errstate(invalid="ignore"):  # an infinite opening cost is above all that rounding may do
         gain = np.where(np.isinf(reduced_cost), np.inf, np.maximum(np.abs(reduced_cost) - lost, 0.0))
     return low, np.sign(reduced_cost) * gain
+
+
+def _with_count(
+    instance: Instance, count: _Count, each: float, opening: Array, paid: Array, v: Array
+) -> tuple[Array, Array, float]:
+    """Opening costs and constants at `each` less for all that is counted, and what rounding may do to the constants.
+
+    Without a price, no multiplier is above its outside option, unless the case has no use for its fine.
+    """
+    if count.price == 0.0:
+        return opening, paid, 0.0
+    left_outside = np.minimum(0.0, instance.outside - each - v)
+    size = np.abs(v) + abs(each) + np.where(left_outside < 0.0, np.abs(instance.outside), 0.0)
+    back = 0.0 if each == 0.0 else count.paid()
+    return opening - each, np.concatenate([paid, left_outside, [back]]), _ROUNDING * (float(size.sum()) + abs(back))
 
 
 def _start(instance: Instance, v: Array, gain: Array, low: float, target: float) -> _Case:
@@ -203,6 +242,11 @@ def _cases(certificate: Certificate, below: list[int], case: _Case) -> list[_Cas
         facility, side = int(certificate.facility[node]), _OPEN if certificate.is_open[node] else _CLOSED
         if facility < 0:
             cases.append(case._replace(node=node))
+        elif (number := facility - len(case.state)) >= 0:
+            count = case.opened
+            more, fewer = max(count.least, number + 1.0), min(count.most, float(number))
+            count = count._replace(least=more) if side == _OPEN else count._replace(most=fewer)
+            cases.append(case._replace(node=node, opened=count))
         elif case.state[facility] in (_FREE, side):
             state = case.state.copy()
             state[facility] = side

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import IntEnum
 from typing import Literal, cast
 
@@ -156,6 +156,10 @@ class Certificate:
     nodes come after their parents, the root is node 0. A node with one child only tightens what is known before it.
     `p2l.team.certificate` recomputes the bound that all this proves; nothing here has to be believed.
 
+    Cases may also be of how many facilities are open, a demand left outside counted as one: "more than k" has F + k in
+    the place of a facility. A price μ then makes every one that is open cheaper, or dearer if it is negative, and is
+    paid back as often as the case says at least, or at most.
+
     Attributes:
         multipliers: [R, D] v.
         row: [T] which of them a node has.
@@ -165,6 +169,7 @@ class Certificate:
         target: the bound that the tree is to prove; cases at or above it were left out.
         prices: [R, K] λ of the K limits on what is opened, beside each v; none where nothing is limited. A limit
             Σ_j w_j y_j <= B adds λ w_j to every opening cost and takes λ B off L(v).
+        count_prices: [R] μ beside each v; zeros if none are given.
     """
 
     multipliers: Array
@@ -173,7 +178,8 @@ class Certificate:
     facility: IntArray
     is_open: BoolArray
     target: float
-    prices: Array | None = None
+    prices: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    count_prices: Array | None = None
 
     def __post_init__(self) -> None:
         sizes: dict[str, int] = {}
@@ -183,8 +189,10 @@ class Certificate:
         for name in ("parent", "facility"):
             put(self, name, freeze(name, getattr(self, name), ("T",), sizes, np.int64, low=-1))
         put(self, "is_open", freeze("is_open", self.is_open, ("T",), sizes, np.bool_))
-        prices = np.zeros((len(self.multipliers), 0)) if self.prices is None else self.prices
+        prices = self.prices if np.size(self.prices) else np.zeros((len(self.multipliers), 0))
         put(self, "prices", freeze("prices", prices, ("R", "K"), sizes, low=0.0, high=_FAR))
+        count_prices = np.zeros(len(self.multipliers)) if self.count_prices is None else self.count_prices
+        put(self, "count_prices", freeze("count_prices", count_prices, ("R",), sizes, low=-_FAR, high=_FAR))
         if not bool((np.abs(self.multipliers) <= _FAR).all()):
             raise ShapeError(f"multipliers: hold {np.abs(self.multipliers).max()}; expected at most {_FAR:g}")
         if math.isnan(self.target):
@@ -194,14 +202,8 @@ class Certificate:
     def of(cls, multipliers: Array, prices: Array | None = None) -> Certificate:
         """The one of a single L(v), multipliers [D], at the prices [K] of limits."""
         one = np.zeros(1, dtype=np.int64)
-        rows = None if prices is None else np.asarray(prices)[None]
+        rows = np.zeros((0, 0)) if prices is None else np.asarray(prices)[None]
         return cls(np.asarray(multipliers)[None], one, one - 1, one - 1, one > 0, -math.inf, rows)
-
-    @property
-    def limit_prices(self) -> Array:
-        """[R, K] `prices`."""
-        assert self.prices is not None
-        return self.prices
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from p2l.evaluation.team.look import amount
 from p2l.evaluation.team.page import cost_without_lessons, plan_page, write_page
-from p2l.team.shop import Choice, plan_shop
+from p2l.team.shop import Ruling, plan_shop
 from p2l.text import drawable
 from tests.evaluation.team.shop_instances import day
 
@@ -90,7 +90,7 @@ def test_the_headline_tells_cost_proof_and_cost_without_lessons():
 
 
 def test_a_lesson_that_is_demanded_may_cost_more_than_none():
-    shop = day(2, choice=np.array([Choice.LEARN, Choice.FREE]), c_demo=np.full((1, 2), 500.0))
+    shop = day(2, choice=np.array([Ruling.LEARN, Ruling.FREE]), c_demo=np.full((1, 2), 500.0))
     text = Page(page_of(shop)).text
     assert "the lessons cost " in text
     alone = dataclasses.replace(shop, c_hum=np.array([np.inf, 100.0]), c_rob=np.array([[np.inf, 10.0]]))
@@ -147,7 +147,7 @@ def test_names_are_escaped_and_nothing_runs_or_is_fetched(tmp_path):
 @settings(max_examples=20)
 @given(st.lists(st.text(min_size=1), min_size=2, max_size=4, unique=True))
 def test_any_name_is_shown_as_it_is_and_isolated(names):
-    shop = day(len(names), tasks=tuple(names), choice=np.full(len(names), Choice.DELEGATE))
+    shop = day(len(names), tasks=tuple(names), choice=np.full(len(names), Ruling.DELEGATE))
     text = page_of(shop, title=names[0])
     text.encode("utf-8")
     rows = Page(text).day
@@ -162,7 +162,7 @@ def test_names_from_the_right_keep_their_joiners_and_lose_overrides():
 
 
 def test_a_page_of_a_thousand_tasks_leaves_long_inputs_out():
-    shop = day(1000, TWO, choice=np.full(1000, Choice.DELEGATE))
+    shop = day(1000, TWO, choice=np.full(1000, Ruling.DELEGATE))
     page = Page(page_of(shop))
     assert len(page.day) == 1000
     assert "Tasks (1,000): too many to list here." in page.text

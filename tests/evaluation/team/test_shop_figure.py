@@ -11,7 +11,7 @@ from matplotlib.collections import LineCollection, PolyCollection
 from p2l.evaluation.fonts import fonts_for
 from p2l.evaluation.team.shop_figure import save_shop_figure, shop_figure
 from p2l.team.problem import Decision
-from p2l.team.shop import Choice, plan_shop
+from p2l.team.shop import Ruling, plan_shop
 from p2l.team.shop.rows import plan_rows
 from tests.evaluation.team.shop_instances import day
 
@@ -76,7 +76,7 @@ def test_bars_are_the_costs_of_the_rows_and_add_up_to_the_plan(shop):
 
 
 def test_copies_that_are_treated_alike_are_one_row():
-    person = day(2, counts=4, tasks=("gear", "peg"), choice=np.array([Choice.DELEGATE, Choice.LEARN]))
+    person = day(2, counts=4, tasks=("gear", "peg"), choice=np.array([Ruling.DELEGATE, Ruling.LEARN]))
     made, figure = drawn(person)
     assert labels(figure.axes[-1]) == ["gear ×4", "peg", "peg ×3"]
     assert [row.copies for row in plan_rows(person, made)] == [4, 1, 3]

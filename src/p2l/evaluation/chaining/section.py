@@ -10,7 +10,7 @@ import pandas as pd
 from p2l.evaluation.chaining import readings
 from p2l.evaluation.chaining.figures import MAIN, learning_curves, option_counts
 from p2l.evaluation.chaining.views import CHAPTER, METHODS, absent_section, commands, joint_table, sheet
-from p2l.evaluation.page.page import Part, Picture, Section, Sheet
+from p2l.evaluation.page.page import PageTable, Part, Picture, Section
 from p2l.evaluation.page.sources import Sources
 from p2l.evaluation.page.views import plain_setting, setting_label
 from p2l.evaluation.sheets import aggregates
@@ -127,7 +127,7 @@ def table_5_2(sources: Sources) -> Section:
 SECTIONS: tuple[Callable[[Sources], Section], ...] = (table_5_1, figure_5_5, figure_5_8, table_5_2)
 
 
-def _success(name: str, table: pd.DataFrame, cells: readings.Cells) -> Sheet:
+def _success(name: str, table: pd.DataFrame, cells: readings.Cells) -> PageTable:
     """A row per world, a column per method; the thesis's numbers below ours."""
     names = [str(method) for method in table["method"].unique()]
     methods = sorted(names, key=lambda method: [*METHODS, method].index(method))  # those of one's own come last
@@ -141,7 +141,9 @@ def _success(name: str, table: pd.DataFrame, cells: readings.Cells) -> Sheet:
             thesis.append("–" if math.isnan(value) else f"{100.0 * value:.3g} %")
         rows += [ours, thesis]
     caption = f"Overall success. {TRAININGS} Recoveries and single trainings are in the file."
-    return Sheet(name, table, ["", *(METHODS.get(method, f"Nominal + {method}") for method in methods)], rows, caption)
+    return PageTable(
+        name, table, ["", *(METHODS.get(method, f"Nominal + {method}") for method in methods)], rows, caption
+    )
 
 
 def _ends(curves: pd.DataFrame) -> pd.DataFrame:

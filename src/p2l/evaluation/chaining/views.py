@@ -9,7 +9,7 @@ from typing import Any
 import pandas as pd
 
 from p2l.evaluation.chaining.figures import LEARNERS
-from p2l.evaluation.page.page import Section, Sheet
+from p2l.evaluation.page.page import PageTable, Section
 from p2l.evaluation.page.sources import Sources
 from p2l.evaluation.page.views import estimate, setting_label, stage_commands
 
@@ -17,7 +17,7 @@ CHAPTER, STAGE = 5, "evaluate_chains"
 METHODS = {"nominal": "Nominal", **{name: f"Nominal + {style.label}" for name, style in LEARNERS.items()}, "rl": "RL"}
 
 
-def sheet(name: str, rows: pd.DataFrame, table: pd.DataFrame, caption: str) -> Sheet:
+def sheet(name: str, rows: pd.DataFrame, table: pd.DataFrame, caption: str) -> PageTable:
     """Some rows on the page, all of them in the file."""
     cells = [
         [
@@ -30,7 +30,7 @@ def sheet(name: str, rows: pd.DataFrame, table: pd.DataFrame, caption: str) -> S
         ]
         for row in rows.to_dict("records")
     ]
-    return Sheet(name, table, ["", "", "", "ours", "thesis", "n"], cells, caption)
+    return PageTable(name, table, ["", "", "", "ours", "thesis", "n"], cells, caption)
 
 
 def _estimate(row: dict[Any, Any]) -> str:

@@ -10,7 +10,7 @@ from typing import Any
 import pandas as pd
 
 from p2l.evaluation.failures.tables import rate
-from p2l.evaluation.page.page import Agreement, Films, Part, Picture, Reading, Section, Sheet
+from p2l.evaluation.page.page import Agreement, Films, PageTable, Part, Picture, Reading, Section
 from p2l.evaluation.page.sources import Sources
 from p2l.evaluation.page.views import estimate, stage_commands
 from p2l.evaluation.rows import table_of
@@ -43,7 +43,7 @@ def nominal_skills(sources: Sources) -> Section:
             parts += _readings(world, success[f"world={world}"], summary, thesis)
     rows = [_page_row(world, summaries[world], success[f"world={world}"]) for world in summaries]
     head = ["", "discovery", "success", "thesis", "executions", "failures", "diverged", "kinds of failure"]
-    parts.append(Sheet("nominal", table, head, rows, "Success with 95 % Wilson interval."))
+    parts.append(PageTable("nominal", table, head, rows, "Success with 95 % Wilson interval."))
     numbers = {f"nominal/{world}/success": float(success[f"world={world}"]["mean"]) for world in summaries}
     return Section(title, parts, stage_commands("discover", sources.worlds), numbers)
 
@@ -69,7 +69,7 @@ def modes(sources: Sources) -> Section:
         for mode in summary["modes"]
     ]
     head = ["", "mode", "size", "weight", "held out", "kinds", "skills that failed"]
-    parts.append(Sheet("failure_modes", table, head, rows, "Size: training failures; weight: their share."))
+    parts.append(PageTable("failure_modes", table, head, rows, "Size: training failures; weight: their share."))
     numbers = {f"failure_modes/{world}": float(len(summary["modes"])) for world, summary in summaries.items()}
     return Section(title, parts, stage_commands("cluster", sources.worlds), numbers)
 

@@ -9,7 +9,7 @@ from typing import Any
 import pandas as pd
 
 from p2l.evaluation.metareskill import readings
-from p2l.evaluation.page.page import Films, Part, Picture, Section, Sheet
+from p2l.evaluation.page.page import Films, PageTable, Part, Picture, Section
 from p2l.evaluation.page.sources import Sources
 from p2l.evaluation.page.views import estimate, stage_commands
 from p2l.evaluation.rows import table_of
@@ -56,7 +56,7 @@ def preconditions(sources: Sources) -> Section:
                 sources.image("fit_preconditions", world, "preconditions.png"),
                 CURVE,
             ),
-            Sheet(
+            PageTable(
                 _report_name("preconditions", sources, world),
                 table,
                 ["skill", "accuracy", "precision", "recall", "chain solves where it holds"],
@@ -98,7 +98,7 @@ def learning(sources: Sources) -> Section:
     return Section(title, parts, stage_commands("learn_recoveries", sources.recovery_worlds), numbers)
 
 
-def _rounds(sources: Sources, world: str, mine: pd.DataFrame) -> Sheet:
+def _rounds(sources: Sources, world: str, mine: pd.DataFrame) -> PageTable:
     """All rounds of one chooser as a table; on the page those after the initial ones, of the first seed."""
     where = [f"seed={r.seed};round={r.round};mode={r.mode};target={r.target_name}" for r in mine.itertuples()]
     long = pd.concat(
@@ -123,7 +123,7 @@ def _rounds(sources: Sources, world: str, mine: pd.DataFrame) -> Sheet:
         f"{world}, {_plain(mine['chooser'].iloc[0])}, first seed: {len(rows)} rounds after the initial ones. {ROUNDS}"
     )
     name = _report_name("recovery_rounds", sources, world)
-    return Sheet(name, table_of(long).assign(thesis=math.nan), head, rows, caption)
+    return PageTable(name, table_of(long).assign(thesis=math.nan), head, rows, caption)
 
 
 def _films(sources: Sources, world: str) -> Part:

@@ -9,7 +9,7 @@ from typing import Any
 import pandas as pd
 
 from p2l.evaluation.metareskill.tables import UNSEEN
-from p2l.evaluation.page.page import Agreement, Part, Picture, Reading, Section, Sheet
+from p2l.evaluation.page.page import Agreement, PageTable, Part, Picture, Reading, Section
 from p2l.evaluation.page.sources import Sources
 from p2l.evaluation.page.views import estimate, setting_label, stage_commands
 from p2l.evaluation.statistics import TRAININGS
@@ -127,7 +127,7 @@ def _final(table: pd.DataFrame) -> dict[str, float]:
     return {f"{str(row['setting']).replace('=', '_')}/{row['metric']}": float(row["mean"]) for row in rows}
 
 
-def _sheet(name: str, table: pd.DataFrame, metrics: Sequence[str]) -> Sheet:
+def _sheet(name: str, table: pd.DataFrame, metrics: Sequence[str]) -> PageTable:
     rows = []
     for row in _aggregates(table, metrics):
         percent = str(row["metric"]).startswith(IN_PERCENT)
@@ -137,7 +137,7 @@ def _sheet(name: str, table: pd.DataFrame, metrics: Sequence[str]) -> Sheet:
         ours = f"{estimate(mean, low, high, digits=digits)}{' %' if percent else ''}"
         thesis = "–" if math.isnan(reference) else f"{reference:.3g}"
         rows.append([method, setting_label(str(row["setting"])), metric, ours, thesis, str(row["n"])])
-    return Sheet(
+    return PageTable(
         name, table, ["", "", "", "ours", "thesis", "n"], rows, f"{TRAININGS} Single trainings are in the file."
     )
 

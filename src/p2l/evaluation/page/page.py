@@ -24,7 +24,7 @@ class Reading:
 
 
 @dataclass(frozen=True)
-class Sheet:
+class PageTable:
     """A table: `long` is saved as `<name>.csv`, `head` and `rows` are on the page."""
 
     name: str
@@ -54,7 +54,7 @@ class Films:
     films: Sequence[tuple[str, bytes, str]]
 
 
-Part = str | Reading | Sheet | Picture | Films
+Part = str | Reading | PageTable | Picture | Films
 
 
 @dataclass(frozen=True)
@@ -74,9 +74,9 @@ class Section:
     metrics: Mapping[str, float] = field(default_factory=dict)
 
     @property
-    def sheets(self) -> list[Sheet]:
+    def sheets(self) -> list[PageTable]:
         """Its tables."""
-        return [part for part in self.parts if isinstance(part, Sheet)]
+        return [part for part in self.parts if isinstance(part, PageTable)]
 
     @property
     def pictures(self) -> list[Picture]:
@@ -135,7 +135,7 @@ def _part(part: Part) -> str:
         thesis = f'<p class="faint">Thesis: {escape(part.thesis)}</p>' if part.thesis else ""
         mark = f' <span class="mark">{MARKS[part.agrees]}</span>' if part.agrees != "unsaid" else ""
         return f'<div class="reading {part.agrees}">{thesis}<p>{escape(part.ours)}{mark}</p></div>'
-    if isinstance(part, Sheet):
+    if isinstance(part, PageTable):
         head = "".join(f"<th>{escape(cell)}</th>" for cell in part.head)
         rows = "".join("<tr>" + "".join(f"<td>{escape(cell)}</td>" for cell in row) + "</tr>" for row in part.rows)
         caption = f"{escape(part.caption)} Data: tables/{escape(part.name)}.csv"

@@ -22,7 +22,7 @@ from p2l.evaluation.team.page_parts import NONE, STYLE, Column, cell, facts, hea
 from p2l.team.plan_files import proof_text
 from p2l.team.problem import Decision
 from p2l.team.shop.outcome import shop_outcome
-from p2l.team.shop.record import Choice, Shop, ShopPlan
+from p2l.team.shop.record import Ruling, Shop, ShopPlan
 from p2l.team.shop.rows import PlanRow, plan_rows
 
 _POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
@@ -111,7 +111,7 @@ def plan_page(
 
 def cost_without_lessons(shop: Shop, plan: ShopPlan) -> float:
     """Expected cost of the day if no lesson is given, though some may be demanded; infinite if that cannot be done."""
-    choice = np.where(shop.choice == Choice.LEARN, Choice.NOT_LEARN, shop.choice)
+    choice = np.where(shop.choice == Ruling.LEARN, Ruling.NOT_LEARN, shop.choice)
     return shop_outcome(replace(shop, choice=choice), np.zeros((0, 2), dtype=np.int64), plan.sequence).total
 
 
@@ -160,11 +160,11 @@ def _day(shop: Shop, rows: Sequence[PlanRow]) -> str:
             f'<td class="number">{_chance(row.p_success)}</td><td class="number">{amount(row.expected_cost)}</td>'
             f'<td class="bar {kind}" aria-hidden="true"><span>{bar}</span></td></tr>'
         )
-    costs = "Success is of each copy, cost of all copies together" if shop.count.max() > 1 else "Costs are"
+    costs = "Success is of each copy, cost of all copies together," if shop.count.max() > 1 else "Costs are"
     heads = (header("step", True), header("task"), header("done as"), header("by"), header("with"))
     numbers = (header("success", True), header("expected cost", True))
     key = '<td class="key" aria-hidden="true">bar: cost, <i class="risk"></i> expected failure</td>'
-    note = f"Tasks {ORDER[shop.order]}. {costs}, in the {UNIT}."
+    note = f"Tasks {ORDER[shop.order]}. {costs} in the {UNIT}."
     return table(note, "".join([*heads, *numbers, key]), lines, kind="day")
 
 

@@ -6,11 +6,11 @@ import math
 
 from p2l.evaluation.team.look import ORDER, UNIT, amount, limits
 from p2l.evaluation.team.page_parts import NONE, header, listing, name, names, table
-from p2l.team.shop.record import Choice, Shop
+from p2l.team.shop.record import Ruling, Shop
 
 _CHOICES = {
-    Choice.FREE: NONE, Choice.ACT: "robot", Choice.DELEGATE: "person", Choice.LEARN: "taught",
-    Choice.NOT_LEARN: "not taught",
+    Ruling.FREE: NONE, Ruling.ACT: "robot", Ruling.DELEGATE: "person", Ruling.LEARN: "taught",
+    Ruling.NOT_LEARN: "not taught",
 }  # fmt: skip
 _CELLS = 6_000  # of a table; a larger one stays in the files that it was read from
 _OPEN = 30  # lines up to which a table is not folded
@@ -18,7 +18,7 @@ _OPEN = 30  # lines up to which a table is not folded
 
 def inputs(shop: Shop) -> str:
     """The limits and inputs of a day."""
-    decided = int((shop.choice != Choice.FREE).sum())
+    decided = int((shop.choice != Ruling.FREE).sum())
     lines = [
         ("tasks are done", ORDER[shop.order]),
         ("limits on lessons", ", ".join(limits(shop)) or "none"),
@@ -51,7 +51,7 @@ def _tasks(shop: Shop) -> str:
         head += header(f"{whose}attempt", True) + header("failure", True) + header("success untaught", True)
     lines = []
     for place, task in enumerate(shop.tasks):
-        cells = [f"{shop.count[place]:,}", _CHOICES[Choice(int(shop.choice[place]))], _cost(shop.c_hum[place])]
+        cells = [f"{shop.count[place]:,}", _CHOICES[Ruling(int(shop.choice[place]))], _cost(shop.c_hum[place])]
         for robot in range(len(shop.robots)):
             cells += [_cost(shop.c_rob[robot, place]), _cost(shop.c_fail[robot, place])]
             cells.append(f"{shop.pretrained[robot, place]:.1%}")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pandas as pd
 
-from p2l.evaluation.page.page import Part, Picture, Section, Sheet
+from p2l.evaluation.page.page import PageTable, Part, Picture, Section
 from p2l.evaluation.page.sources import Sources, Team
 from p2l.evaluation.page.views import averages, estimate, missing, pivot, plain_setting, setting_label, stage_commands
 from p2l.evaluation.style import METHODS, THESIS_METHODS, png
@@ -98,7 +98,7 @@ def table_3_1(sources: Sources) -> Section:
     arrows = "ADL's plans; arrows lead from a lesson to the attempts it serves."
     parts: list[Part] = [
         _conditions(team, next(iter(team.study["regimes"]))),
-        Sheet("table_3_1", table, head, rows, caption),
+        PageTable("table_3_1", table, head, rows, caption),
         readings.read_orders(thesis.claims["table_3_1", "rows"], table),
         Picture("table_3_1", png(board_plans(plans, titles)), arrows),
     ]
@@ -123,7 +123,7 @@ def table_3_2(sources: Sources) -> Section:
     summary = team.summary[team.summary["level"] == 0]
     parts: list[Part] = [
         _conditions(team, HIGH),
-        Sheet(
+        PageTable(
             "table_3_2",
             table,
             ["", "total cost", "# demo", "# hum", "# fail"],
@@ -205,7 +205,7 @@ def _comparison(sources: Sources, title: str, name: str, lead: str, lines: dict[
         [setting_label(row["setting"]), *(_of(table, row["setting"], metric) for metric in metrics)]
         for row in first.to_dict("records")
     ]
-    sheet = Sheet(
+    sheet = PageTable(
         name,
         table,
         ["", *(metric.replace("_", " ") for metric in metrics)],
@@ -217,8 +217,10 @@ def _comparison(sources: Sources, title: str, name: str, lead: str, lines: dict[
     return Section(title, [lead, *savings, sheet], stage_commands("evaluate_team", sources.domains), headline)
 
 
-def _cost_sheet(name: str, table: pd.DataFrame) -> Sheet:
-    return Sheet(name, table, *pivot(table, "executed_cost", THESIS_METHODS), "Mean executed cost [95 % t interval].")
+def _cost_sheet(name: str, table: pd.DataFrame) -> PageTable:
+    return PageTable(
+        name, table, *pivot(table, "executed_cost", THESIS_METHODS), "Mean executed cost [95 % t interval]."
+    )
 
 
 def _of(table: pd.DataFrame, setting: str, metric: str) -> str:

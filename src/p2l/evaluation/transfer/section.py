@@ -7,7 +7,7 @@ from typing import Any
 
 import pandas as pd
 
-from p2l.evaluation.page.page import Part, Picture, Reading, Section, Sheet
+from p2l.evaluation.page.page import PageTable, Part, Picture, Reading, Section
 from p2l.evaluation.page.sources import Sources
 from p2l.evaluation.page.views import estimate, plain_setting, setting_label, stage_commands
 from p2l.evaluation.style import png
@@ -51,7 +51,9 @@ def learnt_skills(sources: Sources) -> Section:
         [setting_label(row["setting"]), f"{row['mean']:.3f} [{row['low']:.3f}, {row['high']:.3f}]", str(row["n"])]
         for row in table.to_dict("records")
     ]
-    parts.append(Sheet("walls", table, ["", "success on the own task", "executions"], rows, "95 % Wilson intervals."))
+    parts.append(
+        PageTable("walls", table, ["", "success on the own task", "executions"], rows, "95 % Wilson intervals.")
+    )
     numbers: dict[str, float] = {}
     for domain, own in by_domain.items():
         numbers |= {f"walls/{plain_setting(row['setting'])}": row["mean"] for row in own.to_dict("records")}
@@ -77,7 +79,7 @@ def predictors(sources: Sources) -> Section:
     parts: list[Part] = [
         PROTOCOL,
         *(readings.read_scores(own, "new_test", domain) for domain, own in by_domain.items()),
-        Sheet(
+        PageTable(
             "transfer_model",
             table,
             ["", "predictor", "AUC", "Brier", "log loss", "calibration error"],

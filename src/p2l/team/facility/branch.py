@@ -4,7 +4,7 @@ A node is a partial choice of facilities and the multipliers of its parent. A fe
 reduced costs fix facilities and pairs (a node's bound is tighter than the root's, so its instance soon shrinks), and
 the facility whose estimated opening is nearest to one half is branched on. The node with the lowest bound comes first,
 so the bound of an interrupted search is the best that its tree can prove. Every node leaves its multipliers in the
-tree that is the proof.
+tree that is the proof. Where the gap is large, a tabu search goes on beside the tree, for a share of its work.
 """
 
 from __future__ import annotations
@@ -17,14 +17,17 @@ import numpy as np
 
 from p2l.records import Array, BoolArray, IntArray
 from p2l.team.facility.alarm import Alarm
+from p2l.team.facility.count import Part
 from p2l.team.facility.fixing import Core, fix, shrink
 from p2l.team.facility.local_search import columns_of, descend, open_cost
+from p2l.team.facility.tabu import Walk
 from p2l.team.facility.tree import Tree
 from p2l.team.facility.volume import CLOSED, FREE, OPEN, Bound, raise_bound
 
 _ITERATIONS = 60  # of the volume algorithm per node
 _ROUNDED_NODES = 20  # these try to improve the plan, afterwards every tenth does
 _WORTH_SHRINKING = 500  # pairs; a smaller instance costs nothing to evaluate
+_WALK = 1e6  # steps of tabu search at a time
 _MEMORY = 1_000_000_000  # bytes of open nodes; beyond, the search goes depth first
 _MARGIN = 5e-10  # relative: half of what the certificate grants, the rest is for rounding
 
@@ -44,15 +47,6 @@ class Target:
     def cutoff(self, upper: float) -> float:
         """The bound from which on no plan is better than `upper` by more than the margin."""
         return upper - max(max(self.gap, _MARGIN) * upper, self.unit * (1.0 - 1e-3))
-
-
-class Search(NamedTuple):
-    """Result of a search: best open set [F] and cost, what its tree proves, and whether that was exhausted."""
-
-    open: BoolArray
-    upper: float
-    lower: float
-    complete: bool
 
 
 class Node(NamedTuple):
@@ -109,43 +103,79 @@ class Incumbent(NamedTuple):
         cost = float(open_cost(root.pairs, trial))
         return Incumbent(trial, cost) if cost < self.upper else self
 
+    def after(self, walk: Walk, steps: float, alarm: Alarm) -> Incumbent:
+        """The cheaper of this plan and what a walk finds that goes on for some steps."""
+        if self.upper < walk.cost:
+            walk.goes_on_from(self.open, self.upper)
+        trail = walk.further(steps, alarm.flag)
+        return Incumbent(trail.best, trail.cost) if trail.cost < self.upper else self
+
+
+class Search(NamedTuple):
+    """Result of a search: the best plan, what its tree proves, and whether that was exhausted."""
+
+    best: Incumbent
+    lower: float
+    complete: bool
+
 
 def branch_and_bound(
-    root: Core, bound: Bound, open_set: BoolArray, upper: float, target: Target, tree: Tree, node: int, alarm: Alarm
+    root: Core, part: Part, best: Incumbent, target: Target, tree: Tree, walk: Walk, alarm: Alarm
 ) -> Search:
-    """Search a core for a plan better than `upper`, until proven or until the alarm.
+    """Search a part for a plan better than the best so far, until proven or until the alarm.
 
     Args:
-        root: what is left to decide.
-        bound: its bound.
-        open_set: [F] the best plan so far, in the core's indices.
-        upper: its cost.
+        root: the core whose indices the plan has, with its true costs.
+        part: what is to be searched, and the prices to do so in.
+        best: the best plan so far.
         target: when a bound is good enough.
         tree: the proof so far.
-        node: of the tree, where the search begins.
+        walk: a search for better plans of the root core that is to go on meanwhile.
         alarm: ends it.
     """
-    best = Incumbent(open_set, upper)
     frontier = Frontier()
-    frontier.push(bound.value, node, bound.multipliers, root, 0)
-    nodes = 0
+    frontier.push(part.bound.value, part.node, part.bound.multipliers, part.core, 0)
+    share, steps, nodes = _walk_share(part.bound.value + part.offset, best.upper), 0.0, 0
     while frontier:
         if alarm.rang:
-            return Search(best.open, best.upper, frontier.lowest(target.cutoff(best.upper)), False)
+            return Search(best, _left(part, frontier, target.cutoff(best.upper), tree), False)
         case = frontier.pop()
-        cutoff = target.cutoff(best.upper)
+        cutoff = target.cutoff(best.upper) - part.offset
         if case.bound >= cutoff:
             continue
         core = case.core
         case_bound = raise_bound(core.pairs, core.state, case.multipliers, cutoff, _ITERATIONS, flag=alarm.flag)
-        tree.price(case.serial, case_bound.multipliers)
+        tree.price(case.serial, case_bound.multipliers, part.price)
         if nodes < _ROUNDED_NODES or nodes % 10 == 0:
             best = best.or_better(root, core, _rounding(core, case_bound))
         nodes += 1
-        cutoff = target.cutoff(best.upper)
+        steps += share * _ITERATIONS * len(core.pairs.cost)
+        if steps >= _WALK:
+            best, steps = best.after(walk, steps, alarm), 0.0
+        cutoff = target.cutoff(best.upper) - part.offset
         if max(case.bound, case_bound.value) < cutoff:
             best = _split(root, case, case_bound, cutoff, frontier, best, tree)
-    return Search(best.open, best.upper, target.cutoff(best.upper), True)
+    return Search(best, target.cutoff(best.upper), True)
+
+
+def _left(part: Part, frontier: Frontier, cutoff: float, tree: Tree) -> float:
+    """The bound that an interrupted search proves.
+
+    Where its prices say little about costs, its open nodes are priced once more, in true ones.
+    """
+    if part.price >= 0.0:
+        return frontier.lowest(cutoff - part.offset) + part.offset
+    lowest = cutoff
+    for node in [*frontier.stack, *frontier.heap]:
+        v, bound = part.true_bound(node.core, node.multipliers, node.bound + part.offset)
+        tree.price(node.serial, v)
+        lowest = min(lowest, bound)
+    return lowest
+
+
+def _walk_share(lower: float, upper: float) -> float:
+    """Steps of tabu search per pair and iteration of the bound: more of them where a better plan is likely."""
+    return min(0.3, max(0.02, 2.0 * (upper - lower) / upper)) if upper > 0.0 else 0.0
 
 
 def _rounding(core: Core, bound: Bound) -> BoolArray:

@@ -36,7 +36,7 @@ _THRESHOLDS = (0.05, 0.2, 0.4, 0.6, 0.8)  # of the estimated opening, rounded up
 _ROUNDED_NODES = 40  # these try to improve the plan, afterwards every fifth does
 
 
-class Limits(NamedTuple):
+class OpeningLimits(NamedTuple):
     """weights [K, F] of the facilities, and limits [K], raised by what rounding may do."""
 
     weights: Array
@@ -75,7 +75,7 @@ def solve_within(pairs: Pairs, weights: Array, limits: Array, *, deadline: float
     Returns:
         Its cost is infinite where no solution within the limits serves every demand, or none was found in time.
     """
-    all_limits = Limits(weights, limits * (1.0 + SLACK))
+    all_limits = OpeningLimits(weights, limits * (1.0 + SLACK))
     fits = (weights <= all_limits.most[:, None]).all(axis=0)
     with Alarm(deadline) as alarm:
         first = _first_plan(pairs, all_limits, fits, alarm)
@@ -86,7 +86,7 @@ def solve_within(pairs: Pairs, weights: Array, limits: Array, *, deadline: float
         core = core._replace(state=np.where(fits, core.state, np.int8(CLOSED)))
         v, _ = dual_ascent(small, None, alarm.flag)
         tree = Tree(np.concatenate([v, np.zeros(len(limits))]))
-        search = _Search(small, all_limits, Target(gap), tree, alarm, best)
+        search = _LimitedSearch(small, all_limits, Target(gap), tree, alarm, best)
         complete = search.run(core, v)
     best = search.best
     full = best.open
@@ -112,7 +112,7 @@ def _everything(pairs: Pairs, fits: BoolArray) -> float:
     return float(opening + service.sum())
 
 
-def _first_plan(pairs: Pairs, limits: Limits, fits: BoolArray, alarm: Alarm) -> BoolArray:
+def _first_plan(pairs: Pairs, limits: OpeningLimits, fits: BoolArray, alarm: Alarm) -> BoolArray:
     """[F] a plan within the limits; one that serves every demand if that is easy."""
     dear = 1.0 + 2.0 * _everything(pairs, fits)
     table = pairs._replace(
@@ -123,10 +123,12 @@ def _first_plan(pairs: Pairs, limits: Limits, fits: BoolArray, alarm: Alarm) -> 
     return descend_within(table, columns_of(table), *limits, none, fits, alarm.flag)
 
 
-class _Search:
+class _LimitedSearch:
     """Best-first branch and bound with prices; see the module."""
 
-    def __init__(self, pairs: Pairs, limits: Limits, target: Target, tree: Tree, alarm: Alarm, best: Best) -> None:
+    def __init__(
+        self, pairs: Pairs, limits: OpeningLimits, target: Target, tree: Tree, alarm: Alarm, best: Best
+    ) -> None:
         self.pairs, self.limits, self.target, self.tree, self.alarm, self.best = (
             pairs,
             limits,
@@ -170,8 +172,8 @@ class _Search:
     def _row(self, priced: Priced) -> Array:
         return np.concatenate([priced.bound.multipliers, priced.prices])
 
-    def _within(self, core: Core) -> Limits:
-        return Limits(self.limits.weights[:, core.origin], self.limits.most)
+    def _within(self, core: Core) -> OpeningLimits:
+        return OpeningLimits(self.limits.weights[:, core.origin], self.limits.most)
 
     def _priced(self, core: Core, multipliers: Array, prices: Array, iterations: int) -> Priced:
         cutoff = self.target.cutoff(self.best.upper)
@@ -182,7 +184,7 @@ class _Search:
         self._round(core, here, limits)
         return here
 
-    def _round(self, core: Core, priced: Priced, limits: Limits) -> None:
+    def _round(self, core: Core, priced: Priced, limits: OpeningLimits) -> None:
         self._nodes += 1
         if self._nodes > _ROUNDED_NODES and self._nodes % 5:
             return

@@ -58,7 +58,7 @@ def solve_facility_location(
     deadline = start + limit_s * (1.0 - _FINISH)
     pairs = of_table(opening, service)
     whole_numbers = float(pairs.outside.sum()) < EXACT and _whole_numbers(opening, service)
-    solution = solve_small_or_large(pairs, deadline, gap, whole_numbers=whole_numbers)
+    solution = solve_small_or_large(pairs, deadline, gap, whole_numbers=whole_numbers, counting=True)
     open_set = open_for_outside(opening, service, solution.open)
     assignment = np.flatnonzero(open_set)[service[:, open_set].argmin(axis=1)]
     cost = math.fsum([*opening[open_set].tolist(), *service[np.arange(len(service)), assignment].tolist()])
@@ -96,6 +96,7 @@ def solve_small_or_large(
     few: int | None = None,
     multipliers: Array | None = None,
     open_set: BoolArray | None = None,
+    counting: bool = False,
 ) -> PairsSolution:
     """The relaxation by HiGHS where an instance is small; what it does not prove, the large-scale route does.
 
@@ -107,6 +108,7 @@ def solve_small_or_large(
         few: largest number of pairs for HiGHS; `FEW_PAIRS` if none.
         multipliers: [D] where the large-scale route begins, such as those of an instance much like this one.
         open_set: [F] a solution that is known already.
+        counting: whether the proof may have cases of how many facilities are open.
     """
     if len(pairs.cost) <= (FEW_PAIRS if few is None else few):
         from p2l.team.facility.program import solve_program
@@ -123,7 +125,13 @@ def solve_small_or_large(
     except TimeoutError:
         return _without_search(pairs, multipliers, open_set)
     return solve_pairs(
-        pairs, deadline=deadline, gap=gap, multipliers=multipliers, open_set=open_set, whole_numbers=whole_numbers
+        pairs,
+        deadline=deadline,
+        gap=gap,
+        multipliers=multipliers,
+        open_set=open_set,
+        whole_numbers=whole_numbers,
+        counting=counting,
     )
 
 

@@ -1,4 +1,4 @@
-"""Exact facility location at scale: dual ascent, local search, volume bound, fixing, Lagrangian branch and bound.
+"""Exact facility location at scale: dual ascent, local and tabu search, volume bound, fixing, branch and bound.
 
 This is the large-scale route of the team planner and of `p2l.team.facility.location`. Every step works on
 `Pairs`; what a plan costs is recomputed from the input at the end.
@@ -7,24 +7,30 @@ This is the large-scale route of the team planner and of `p2l.team.facility.loca
 from __future__ import annotations
 
 import functools
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from p2l.records import Array, BoolArray
-from p2l.team.facility.alarm import Alarm
-from p2l.team.facility.branch import Target, branch_and_bound
+from p2l.team.facility.alarm import Alarm, silent
+from p2l.team.facility.branch import Incumbent, Search, Target, branch_and_bound
+from p2l.team.facility.count import count_cases, whole_search
 from p2l.team.facility.dual_ascent import dual_ascent
 from p2l.team.facility.fixing import Core, shrink, whole
 from p2l.team.facility.greedy import greedy_solution
 from p2l.team.facility.local_search import Columns, columns_of, descend, open_cost
 from p2l.team.facility.pairs import Pairs, PairsSolution, of_table
 from p2l.team.facility.presolve import presolve, solution_cost
+from p2l.team.facility.tabu import Walk
 from p2l.team.facility.tree import Tree
 from p2l.team.facility.volume import Bound, bound_of, raise_bound
 
 _ROUNDS = 20  # of bound, rounding and fixing at the root, unless progress ends earlier
 _ITERATIONS = 300  # of the volume algorithm per round
+_PATIENCE = 3e8  # steps of tabu search without a better plan, per relative gap
+_LONGEST, _MOST = 600.0, 6e7  # steps at most, per facility and pair, and at all
+_SEED = 0  # of the tabu search
 _THRESHOLDS = (0.05, 0.2, 0.4, 0.6, 0.8)  # of the estimated opening, rounded up to an open set
 
 
@@ -48,7 +54,9 @@ def load_kernels() -> None:
     multipliers, open_set = dual_ascent(toy)
     greedy_solution(toy)
     open_set = descend(toy, columns_of(toy), open_set, ~open_set)
-    raise_bound(toy, whole(toy).state, multipliers, float(open_cost(toy, open_set)), 1)
+    upper = float(open_cost(toy, open_set))
+    raise_bound(toy, whole(toy).state, multipliers, upper, 1)
+    Walk(toy, open_set, upper, np.random.default_rng(_SEED)).further(1.0, silent())
     bound_of(toy, whole(toy).state, multipliers)
 
 
@@ -60,6 +68,7 @@ def solve_pairs(
     multipliers: Array | None = None,
     open_set: BoolArray | None = None,
     whole_numbers: bool = False,
+    counting: bool = False,
 ) -> PairsSolution:
     """Solve an instance to the relative `gap` or until the `deadline` of `time.perf_counter`.
 
@@ -70,6 +79,7 @@ def solve_pairs(
         multipliers: [D] where to begin; dual ascent otherwise.
         open_set: [F] a solution that is known already.
         whole_numbers: all costs are, and the checker knows.
+        counting: whether the proof may have cases of how many facilities are open.
     """
     small, scale, known = presolve(pairs)
     with Alarm(deadline) as alarm:
@@ -83,8 +93,9 @@ def solve_pairs(
         best, upper, lower = root.open, root.upper, root.bound.value
         complete = lower >= target.cutoff(upper)
         if not complete and not alarm.rang:
-            search = branch_and_bound(root.core, root.bound, root.open, root.upper, target, tree, node, alarm)
-            best, upper, lower, complete = search.open, search.upper, max(lower, search.lower), search.complete
+            root, node, walk = _improved(root, target, tree, node, alarm)
+            (best, upper), proven, complete = _search(root, target, tree, node, walk, alarm, counting=counting)
+            lower = max(lower, proven)
     full = np.zeros(pairs.facilities, dtype=bool)
     full[root.core.origin[best]] = True
     proof = tree.certificate(target.cutoff(upper) if complete else lower, scale)
@@ -118,7 +129,7 @@ def _start(pairs: Pairs, multipliers: Array, known: BoolArray, alarm: Alarm) -> 
 
 def _tighten(root: Root, target: Target, alarm: Alarm) -> tuple[Root, Tree, int]:
     """Alternate bound, rounding and fixing while they make progress; also the tree, and where the search goes on."""
-    tree, node = Tree(root.bound.multipliers), 0
+    tree, node = Tree(root.bound.multipliers, root.core.pairs.facilities), 0
     columns = columns_of(root.core.pairs)
     idle = 0
     for _ in range(_ROUNDS):
@@ -136,6 +147,35 @@ def _tighten(root: Root, target: Target, alarm: Alarm) -> tuple[Root, Tree, int]
             root, columns = smaller
             node = tree.child(node)
     return root, tree, node
+
+
+def _improved(root: Root, target: Target, tree: Tree, node: int, alarm: Alarm) -> tuple[Root, int, Walk]:
+    """The root with the plan that a tabu search finds, and what that fixes; also the node, and the search itself."""
+    rng = np.random.default_rng(_SEED)
+    walk = Walk(root.core.pairs, root.open, root.upper, rng)
+    gap = (root.upper - root.bound.value) / root.upper if root.upper > 0.0 else 0.0
+    most = min(_MOST, _LONGEST * root.core.pairs.facilities * len(root.core.pairs.cost))
+    trail = walk.patiently(min(most, _PATIENCE * gap), alarm.flag)
+    if trail.cost >= root.upper:
+        return root, node, walk
+    root = replace(root, open=trail.best, upper=trail.cost)
+    if (smaller := _shrunk(root, target)) is None:
+        return root, node, walk
+    root = smaller[0]
+    return root, tree.child(node), Walk(root.core.pairs, root.open, root.upper, rng)
+
+
+def _search(root: Root, target: Target, tree: Tree, node: int, walk: Walk, alarm: Alarm, *, counting: bool) -> Search:
+    """Branch and bound, in cases of how many facilities are open where that says much."""
+    parts = [whole_search(root.core, root.bound, node)]
+    if counting:
+        parts = count_cases(parts[0], root.open, root.upper, target.cutoff(root.upper), tree, alarm)
+    best, lower, complete = Incumbent(root.open, root.upper), math.inf, True
+    for part in parts:
+        search = branch_and_bound(root.core, part, best, target, tree, walk, alarm)
+        best, complete = search.best, complete and search.complete
+        lower = min(lower, search.lower)
+    return Search(best, lower, complete)
 
 
 def _round(root: Root, columns: Columns, bound: Bound, alarm: Alarm) -> tuple[BoolArray, float]:

@@ -81,24 +81,25 @@ def _is_open(state, reduced_cost, j):
 def _evaluate(pairs, state, v, reduced_cost, residual):
     """L(v); fills the reduced costs [F] and the subgradient [D]: 1 - how often each demand is served."""
     start, facility, cost = pairs.start, pairs.facility, pairs.cost
+    end, is_used = np.empty(v.size, dtype=np.int64), np.zeros(reduced_cost.size, dtype=np.int64)
     reduced_cost[:] = pairs.opening
     total = 0.0
     for i in range(v.size):
-        total += v[i]
-        for z in range(start[i], start[i + 1]):
-            if cost[z] >= v[i]:
-                break
-            reduced_cost[facility[z]] -= v[i] - cost[z]
+        price, z, last = v[i], start[i], start[i + 1]
+        total += price
+        while z < last and cost[z] < price:
+            reduced_cost[np.uint32(facility[z])] -= price - cost[z]  # unsigned: no look at whether it is negative
+            z += 1
+        end[i] = z
     for j in range(reduced_cost.size):
         if _is_open(state, reduced_cost, j):
             total += reduced_cost[j]
+            is_used[j] = 1
     for i in range(v.size):
-        residual[i] = 1.0
-        for z in range(start[i], start[i + 1]):
-            if cost[z] >= v[i]:
-                break
-            if _is_open(state, reduced_cost, facility[z]):
-                residual[i] -= 1.0
+        served = 0
+        for z in range(start[i], end[i]):
+            served += is_used[np.uint32(facility[z])]
+        residual[i] = 1.0 - served
     return total
 
 

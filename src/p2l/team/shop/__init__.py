@@ -6,16 +6,16 @@ Read `record`, then `outcome` (what a plan costs), then `planner`; `reading` mak
 from p2l.team.shop.certificate import check_shop_plan, shop_bound
 from p2l.team.shop.outcome import ShopOutcome, shop_outcome
 from p2l.team.shop.planner import plan_shop
-from p2l.team.shop.reading import Reading, read_shop
-from p2l.team.shop.record import Choice, Shop, ShopCertificate, ShopPlan
+from p2l.team.shop.reading import ShopReading, read_shop
+from p2l.team.shop.record import Ruling, Shop, ShopCertificate, ShopPlan
 
 __all__ = [
-    "Choice",
-    "Reading",
+    "Ruling",
     "Shop",
     "ShopCertificate",
     "ShopOutcome",
     "ShopPlan",
+    "ShopReading",
     "check_shop_plan",
     "plan_shop",
     "read_shop",

@@ -19,7 +19,7 @@ from p2l.team.cases import Instance, tree_bound
 from p2l.team.certificate import PROVEN, Verdict
 from p2l.team.problem import Status, relative_gap
 from p2l.team.shop.outcome import attempt_cost, shop_outcome
-from p2l.team.shop.record import Choice, Shop, ShopCertificate, ShopPlan, precedence
+from p2l.team.shop.record import Ruling, Shop, ShopCertificate, ShopPlan, precedence
 
 _TABLE = 4_000_000  # entries of a table of service costs that is kept from case to case
 
@@ -30,6 +30,14 @@ def check_shop_plan(shop: Shop, plan: ShopPlan) -> Verdict:
     Raises:
         SolverError: the plan has no certificate, or a number or the status in it is not what the shop gives.
         ShapeError: the plan breaks the order, a limit, or a decision that is made.
+
+    Example:
+        >>> import numpy as np
+        >>> from p2l import Problem, Shop, check_shop_plan, plan_shop
+        >>> one = np.ones(1)
+        >>> day = Shop.of_problem(Problem(("gear",), 10 * one, 100 * one, 100 * one, 200 * one, 0.95 * one, np.eye(1)))
+        >>> check_shop_plan(day, plan_shop(day)).optimal
+        True
     """
     if plan.certificate is None:
         raise SolverError("certificate: none given; plan with planner=auto")
@@ -121,7 +129,7 @@ def _services(shop: Shop) -> _Services:
         cost = np.full((high - low, len(facilities)), np.inf)
         for g in range(low, high):
             i = int(task[g])
-            if shop.choice[i] != Choice.DELEGATE and not (shop.choice[i] == Choice.LEARN and g < shop.n):
+            if shop.choice[i] != Ruling.DELEGATE and not (shop.choice[i] == Ruling.LEARN and g < shop.n):
                 attempts = attempt_cost(shop, robot, np.full(len(robot), i), shop.transfer[robot, lesson, i])
                 cost[g - low] = float(size[g]) * attempts
                 if forbidden is not None:
@@ -160,14 +168,14 @@ def _instance(shop: Shop, services: _Services, dropped: BoolArray) -> Instance:
 
 def _may_be_taught(shop: Shop, lesson: int) -> bool:
     i = int(shop.completes[lesson])
-    return i < 0 or shop.choice[i] in (Choice.FREE, Choice.LEARN)
+    return i < 0 or shop.choice[i] in (Ruling.FREE, Ruling.LEARN)
 
 
 def _without_lessons(shop: Shop, group: int, task: int, size: float) -> float:
-    if shop.choice[task] == Choice.LEARN and group < shop.n:
+    if shop.choice[task] == Ruling.LEARN and group < shop.n:
         return math.inf
-    person = math.inf if shop.choice[task] == Choice.ACT else float(shop.c_hum[task])
-    if shop.choice[task] == Choice.DELEGATE:
+    person = math.inf if shop.choice[task] == Ruling.ACT else float(shop.c_hum[task])
+    if shop.choice[task] == Ruling.DELEGATE:
         return person * size
     robots = np.arange(len(shop.robots))
     attempts = attempt_cost(shop, robots, np.full(len(robots), task), shop.pretrained[:, task])

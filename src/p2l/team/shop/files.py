@@ -14,6 +14,7 @@ import numpy as np
 
 from p2l.artifacts import finite, load_arrays, save_arrays, write_text
 from p2l.errors import ArtifactError, InputError, ShapeError
+from p2l.team.plan_files import read_plan
 from p2l.team.problem import Certificate, Decision, Plan, Status
 from p2l.team.shop.reasons import Reasons
 from p2l.team.shop.record import SHOP_ORDERS, Shop, ShopCertificate, ShopPlan
@@ -175,6 +176,8 @@ def read_shop_plan(folder: Path | str, shop: Shop, extra: Mapping[str, tuple[str
     """
     out = Path(folder)
     summary = read_summary(out)
+    if "groups" not in summary and (problem := shop.problem()) is not None:
+        return of_plan(read_plan(out, problem))  # what `p2l.write_plan` writes
     try:
         groups: dict[str, Any] = {name: np.array(summary["groups"][name], dtype=kind) for name, kind in _GROUPS.items()}
         plan = ShopPlan(
@@ -209,7 +212,7 @@ def read_summary(folder: Path) -> dict[str, Any]:
         summary = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as error:
         raise ArtifactError(f"{path}: cannot be read as a plan's summary ({error}); plan again") from error
-    if not isinstance(summary, dict) or not {"planner", "status", "objective", "order", "plan"} <= set(summary):
+    if not isinstance(summary, dict) or not {"planner", "status", "objective", "order"} <= set(summary):
         raise ArtifactError(f"{path}: is no summary of a plan; plan again")
     return summary
 

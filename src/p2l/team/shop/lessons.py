@@ -6,8 +6,9 @@ Lessons are what the table has rows for. Those that are none of today's tasks ca
 from __future__ import annotations
 
 import difflib
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import repeat
 from pathlib import Path
 
 import numpy as np
@@ -64,26 +65,45 @@ def open_table(sheet: Sheet | None, orders: Orders) -> TransferTable:
     at = _long_columns(sheet) if is_long else _wide_columns(sheet, orders)
     place = at["taught"] if is_long else 0
     column = sheet.header[place] or None
-    cells = [(line, as_ordered(row[place], orders.tasks)) for line, row in sheet.rows]
-    if is_long:
-        for line, name in cells:
-            check_name(sheet, line, column, "lesson", name)
-    else:
-        distinct_names(sheet, cells, column, "taught task")
-    refuse_other_spellings([(line, column, name) for line, name in cells], sheet, orders.tasks)
-    taught = tuple(name for _, name in cells)
+    taught = names_of(sheet, place, "lesson", orders.tasks)
+    if not is_long:
+        lines = (line for line, _ in sheet.rows)
+        distinct_names(sheet, zip(lines, taught, strict=True), column, "taught task")
     return TransferTable(sheet, at, taught, _costs(sheet, at.get("c_demo"), taught, orders))
 
 
-def as_ordered(name: str, tasks: Collection[str]) -> str:
-    """A name without the apostrophe that our own tables put before what a spreadsheet would run.
+def names_of(sheet: Sheet, place: int, what: str, tasks: tuple[str, ...]) -> tuple[str, ...]:
+    """The names in a column, as the orders write them.
 
     Args:
-        name: in a table.
+        sheet: a table.
+        place: of the column.
+        what: it names.
+        tasks: names as the orders have them.
+
+    Raises:
+        InputError: an empty name, one with control characters, or one that the orders spell in another way.
+    """
+    column = sheet.header[place] or None
+    first: dict[str, int] = {}
+    for line, cells in sheet.rows:
+        first.setdefault(cells[place], line)
+    for name, line in first.items():
+        check_name(sheet, line, column, what, name)
+    ordered = as_ordered(first, tasks)
+    refuse_other_spellings([(line, column, ordered[name]) for name, line in first.items()], sheet, tasks)
+    return tuple(ordered[cells[place]] for _, cells in sheet.rows)
+
+
+def as_ordered(names: Iterable[str], tasks: tuple[str, ...]) -> dict[str, str]:
+    """Names without the apostrophe that our own tables put before what a spreadsheet would run.
+
+    Args:
+        names: in a table.
         tasks: names as the orders have them.
     """
-    plain = name[1:]
-    return plain if name not in tasks and plain in tasks and guarded_cell(plain) == name else name
+    known = {guarded_cell(name): name for name in tasks} | {name: name for name in tasks}
+    return {name: known.get(name, name) for name in names}
 
 
 def refuse_other_spellings(cells: Iterable[tuple[int, str | None, str]], sheet: Sheet, tasks: tuple[str, ...]) -> None:
@@ -101,8 +121,9 @@ def refuse_other_spellings(cells: Iterable[tuple[int, str | None, str]], sheet: 
     for line, column, name in cells:
         given.setdefault(name, (line, column))
     lost = {normal(task): task for task in tasks if task not in given}
+    known = set(tasks)
     for name in given if lost else ():
-        if name not in tasks and (task := lost.get(normal(name))):
+        if name not in known and (task := lost.get(normal(name))):
             problem = f"'{name}' is '{task}' in the orders; write it alike"
             raise InputError.at(sheet.name, *given[name], problem)
 
@@ -125,13 +146,14 @@ def _long_columns(sheet: Sheet) -> dict[str, int]:
 
 
 def _wide_columns(sheet: Sheet, orders: Orders) -> dict[str, int]:
-    place = {} if "c_demo" in orders.tasks else sheet.columns(("c_demo",))
-    tested = [(sheet.header_line, as_ordered(name, orders.tasks)) for name in sheet.header]
-    names = distinct_names(
-        sheet, [cell for at, cell in enumerate(tested) if at not in (0, place.get("c_demo"))], None, "tested task"
-    )
+    has_task = "c_demo" in orders.tasks
+    place = {name: at for name, at in sheet.columns(("c_demo",)).items() if at and not has_task}
+    header = [name for at, name in enumerate(sheet.header) if at not in (0, place.get("c_demo"))]
+    names = list(as_ordered(header, orders.tasks).values())
+    distinct_names(sheet, zip(repeat(sheet.header_line), names, strict=False), None, "tested task")
     refuse_other_spellings([(sheet.header_line, name, name) for name in names], sheet, orders.tasks)
-    others = [name for name in names if name not in orders.tasks]
+    known = set(orders.tasks)
+    others = [name for name in names if name not in known]
     if not place and (close := difflib.get_close_matches("c_demo", others, n=1, cutoff=ALIKE)):
         problem = "unknown column; write 'c_demo' if that is meant, or else a name that is less like it"
         raise InputError.at(sheet.name, sheet.header_line, close[0], problem)

@@ -10,9 +10,9 @@ import numpy as np
 
 from p2l.errors import InputError
 from p2l.records import Array, BoolArray, IntArray
-from p2l.team.columns import check_name, likeness, probabilities
+from p2l.team.columns import likeness, probabilities
 from p2l.team.sheets import Sheet, number, whole_number
-from p2l.team.shop.lessons import COUNTS, TransferTable, as_ordered, refuse_other_spellings
+from p2l.team.shop.lessons import COUNTS, TransferTable, as_ordered, names_of
 
 ABSENT = frozenset(("", "-", "–", "—", "na", "n/a", "#n/a"))
 
@@ -56,9 +56,8 @@ def read_probabilities(
 def _wide(table: TransferTable, sheet: Sheet, lessons: tuple[str, ...], tasks: tuple[str, ...]) -> Array:
     values = np.full((len(lessons), len(tasks)), np.nan)
     place = {name: at for at, name in enumerate(tasks)}
-    tested = {
-        as_ordered(name, tasks): at for at, name in enumerate(sheet.header) if at != table.at.get("c_demo") and at
-    }
+    known = as_ordered(sheet.header, tasks)
+    tested = {known[name]: at for at, name in enumerate(sheet.header) if at not in (0, table.at.get("c_demo"))}
     names = [name for name in tested if name in place]
     columns, used = np.array([place[name] for name in names]), [tested[name] for name in names]
     own, of_lesson = {name: at for at, name in enumerate(names)}, {name: at for at, name in enumerate(lessons)}
@@ -81,13 +80,9 @@ def _long(
 ) -> Measured:
     """Measurements of one pair are pooled: the mean of p, by `n`, or all successes by all attempts."""
     at = table.at
-    column = sheet.header[at["tested"]]
-    tested = []
-    for line, cells in sheet.rows:
-        check_name(sheet, line, column, "tested task", cells[at["tested"]])
-        tested.append(as_ordered(cells[at["tested"]], tasks))
-    refuse_other_spellings(zip((line for line, _ in sheet.rows), repeat(column), tested, strict=False), sheet, tasks)
+    tested = names_of(sheet, at["tested"], "tested task", tasks)
     if tested and not set(tested) & set(tasks):
+        column = sheet.header[at["tested"]]
         raise InputError.at(sheet.name, None, column, "no row is for a task of the orders; give one for each pair")
     of_lesson, of_task = ({name: k for k, name in enumerate(names)} for names in (lessons, tasks))
     used = [
@@ -118,13 +113,12 @@ def _robots(sheet: Sheet, place: int | None, used: Sequence[int], robots: tuple[
     """Robot of each row, -1 for all of them."""
     of = {"": -1, **{name: each for each, name in enumerate(robots)}}
     found = np.full(len(used), -1, dtype=np.int64)
-    for row in range(len(used)) if place is not None else ():
-        line, cells = sheet.rows[used[row]]
+    if place is None:
+        return found
+    for row, (line, cells) in enumerate(sheet.rows[each] for each in used):
         if (name := cells[place]) not in of:
-            known = "; give it a row in a table of robots"
-            raise InputError.at(
-                sheet.name, line, sheet.header[place], f"'{name}' is no robot{likeness(name, robots, known)}"
-            )
+            problem = f"'{name}' is no robot{likeness(name, robots, '; give it a row in a table of robots')}"
+            raise InputError.at(sheet.name, line, sheet.header[place], problem)
         found[row] = of[name]
     return found
 

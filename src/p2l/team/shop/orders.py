@@ -18,16 +18,16 @@ from p2l.records import Array, BoolArray, IntArray
 from p2l.team.cells import LARGEST, quoted
 from p2l.team.columns import distinct_names, known_columns
 from p2l.team.sheets import Sheet, flag, number, probability, whole_number
-from p2l.team.shop.record import Choice
+from p2l.team.shop.record import Ruling
 
 NEEDED = ("task", "c_rob", "c_hum", "c_fail", "c_demo")
 KNOWN = (*NEEDED, "pretrained", "decision", "count", "teachable", "demo_success", "demo_tries", "family")
 _CHOICES = {
-    "": Choice.FREE,
-    "act": Choice.ACT,
-    "delegate": Choice.DELEGATE,
-    "learn": Choice.LEARN,
-    "!learn": Choice.NOT_LEARN,
+    "": Ruling.FREE,
+    "act": Ruling.ACT,
+    "delegate": Ruling.DELEGATE,
+    "learn": Ruling.LEARN,
+    "!learn": Ruling.NOT_LEARN,
 }
 _MOST_COPIES = 1_000_000
 
@@ -48,7 +48,7 @@ class Orders:
         teachable: [n] whether the task can be taught at all.
         demos: [n] how many demonstrations a lesson takes, on average.
         learnt: [n] probability that they teach it.
-        choice: [n] a `Choice`.
+        choice: [n] a `Ruling`.
         decision: name of the column of `choice`, as written; None if there is none.
         count: [n] copies.
         family: [n] names, '' where there is none; None without such a column.
@@ -113,7 +113,7 @@ def read_orders(sheet: Sheet) -> Orders:
         teachable=column("teachable", lambda *cell: flag(sheet, *cell, empty=True), 1.0) > 0.0,
         demos=demos,
         learnt=learnt,
-        choice=column("decision", lambda *cell: _choice(sheet, *cell), Choice.FREE).astype(np.int64),
+        choice=column("decision", lambda *cell: _choice(sheet, *cell), Ruling.FREE).astype(np.int64),
         decision=sheet.header[at["decision"]] if "decision" in at else None,
         count=column("count", lambda *cell: _at_least_one(sheet, *cell, largest=_MOST_COPIES, empty=1.0), 1.0).astype(
             np.int64

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from p2l.errors import ShapeError
 from p2l.records import Array, IntArray, freeze
 from p2l.team.problem import Decision
-from p2l.team.shop.record import Choice, Shop, precedence
+from p2l.team.shop.record import Ruling, Shop, precedence
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ def shop_outcome(shop: Shop, taught: IntArray, sequence: IntArray) -> ShopOutcom
     own, price = shop.completes[lesson], shop.c_demo[robot, lesson]
     is_taught = np.zeros(len(task), dtype=bool)
     is_taught[own[own >= 0]] = True
-    if (missing := (shop.choice == Choice.LEARN) & ~is_taught[: shop.n]).any():
+    if (missing := (shop.choice == Ruling.LEARN) & ~is_taught[: shop.n]).any():
         raise ShapeError(f"plan: task '{shop.tasks[int(missing.argmax())]}' is to be taught, and is not")
 
     # Every way to do a copy, one row each: the person, the pre-trained skills of each robot, each lesson.
@@ -66,8 +66,8 @@ def shop_outcome(shop: Shop, taught: IntArray, sequence: IntArray) -> ShopOutcom
     robots = np.concatenate([np.arange(len(shop.robots)), robot])
     attempts = attempt_cost(shop, robots[:, None], task[None, :], skills)
     attempts[len(shop.robots) :][~comes_in_time] = np.inf
-    attempts[:, shop.choice[task] == Choice.DELEGATE] = np.inf
-    person = np.where(shop.choice[task] == Choice.ACT, np.inf, shop.c_hum[task])
+    attempts[:, shop.choice[task] == Ruling.DELEGATE] = np.inf
+    person = np.where(shop.choice[task] == Ruling.ACT, np.inf, shop.c_hum[task])
     ways = np.concatenate([person[None], attempts])
     way = ways.argmin(axis=0)
     groups = np.arange(len(task))
@@ -106,7 +106,7 @@ def _taught(shop: Shop, taught: IntArray) -> tuple[IntArray, IntArray]:
         raise ShapeError("plan: it gives a lesson, or has a robot, that there is not")
     lesson, robot = pairs[:, 0], pairs[:, 1]
     own = shop.completes[lesson]
-    ruled_out = (own >= 0) & ~np.isin(shop.choice[own], (Choice.FREE, Choice.LEARN))
+    ruled_out = (own >= 0) & ~np.isin(shop.choice[own], (Ruling.FREE, Ruling.LEARN))
     if ruled_out.any():
         raise ShapeError(f"plan: task '{shop.tasks[own[ruled_out][0]]}' is taught, though that is ruled out")
     time = math.fsum(shop.c_demo[robot, lesson].tolist())

@@ -60,7 +60,7 @@ def plan_shop(shop: Shop, *, time_limit_s: float = 60.0, gap: float = 0.0) -> Sh
     """
     limit_s, gap = check_stopping(time_limit_s, gap)
     start = time.perf_counter()
-    search = _Search(shop, start + limit_s * (1.0 - _FINISH), gap)
+    search = _ShopSearch(shop, start + limit_s * (1.0 - _FINISH), gap)
     complete = search.run()
     best = search.best
     if best is None:
@@ -90,7 +90,7 @@ class _Found:
 
 
 @dataclass
-class _Case:
+class _OrderCase:
     """A case of the search: the pairs left out, and what is known of it."""
 
     parent: int
@@ -101,13 +101,13 @@ class _Case:
     circle: list[tuple[int, int]] = field(default_factory=list)
 
 
-class _Search:
+class _ShopSearch:
     def __init__(self, shop: Shop, deadline: float, gap: float) -> None:
         self.shop, self.deadline, self.gap = shop, deadline, gap
         self.best: _Found | None = None
         self.check_s = 0.0  # what the check of one case takes
         nothing = np.zeros((len(shop.lessons), len(shop.groups[0])), dtype=bool)
-        self.cases = [_Case(-1, (-1, -1), nothing)]
+        self.cases = [_OrderCase(-1, (-1, -1), nothing)]
 
     def run(self) -> bool:
         """Look at cases, the one with the lowest bound first; whether it ended before the deadline."""
@@ -127,7 +127,7 @@ class _Search:
             for pair in case.circle:
                 dropped = case.dropped.copy()
                 dropped[pair] = True
-                self.cases.append(_Case(number, pair, dropped))
+                self.cases.append(_OrderCase(number, pair, dropped))
                 below, ended = self._look(len(self.cases) - 1)
                 if not ended:  # what is half done proves less than the case that it is part of
                     del self.cases[first:]
@@ -179,7 +179,7 @@ class _Search:
         if math.isfinite(outcome.total) and (self.best is None or outcome.total < self.best.outcome.total):
             self.best = _Found(taught, sequence, outcome)
 
-    def _solve(self, reduction: Reduction, parent: _Case) -> PairsSolution:
+    def _solve(self, reduction: Reduction, parent: _OrderCase) -> PairsSolution:
         pairs = reduction.pairs
         few = pairs.demands * pairs.facilities if pairs.demands <= _SMALL else -1
         limits = np.array([self.shop.max_lessons, self.shop.max_teaching])

@@ -1,7 +1,7 @@
 """A person's own day as a `Shop`: tables of orders, transfer, robots and a partial order, with whatever they leave out.
 
-Reading stops at the first thing that is wrong, with one message that names the file, the row and the column. What had
-to be assumed is said in `Reading.remarks`.
+ShopReading stops at the first thing that is wrong, with one message that names the file, the row and the column. What had
+to be assumed is said in `ShopReading.remarks`.
 """
 
 from __future__ import annotations
@@ -21,15 +21,24 @@ from p2l.team.shop.lessons import TransferTable, open_table
 from p2l.team.shop.measurements import Measured, read_probabilities
 from p2l.team.shop.orders import Orders, listed, read_orders
 from p2l.team.shop.outcome import attempt_cost
-from p2l.team.shop.record import SHOP_ORDERS, Choice, Shop, ShopOrder
+from p2l.team.shop.record import SHOP_ORDERS, Ruling, Shop, ShopOrder
 from p2l.team.shop.reduction import outside_costs, too_late
 from p2l.team.shop.robots import Robots, read_before, read_robots
+
+_NO_WAY = {
+    Ruling.FREE: "cannot be done: nobody can do or teach it, and no lesson that comes in time makes an attempt "
+    "possible; give it a finite cost",
+    Ruling.ACT: "is to be attempted, and no attempt is possible, not by a lesson that comes in time either; give it a "
+    "finite c_rob and c_fail",
+    Ruling.DELEGATE: "is to be delegated, and the person cannot do it; give it a finite c_hum",
+    Ruling.LEARN: "is to be taught, and cannot be; give it a finite c_demo, and do not say teachable=no",
+}
 
 Filling = Callable[[tuple[str, ...], tuple[str, ...]], Array]
 
 
 @dataclass(frozen=True)
-class Reading:
+class ShopReading:
     """What a person's tables say.
 
     Attributes:
@@ -56,7 +65,7 @@ def read_shop(
     max_teaching: float = math.inf,
     fill: float | None = None,
     filling: Filling | None = None,
-) -> Reading:
+) -> ShopReading:
     r"""Read a day.
 
     Args:
@@ -93,10 +102,11 @@ def read_shop(
     check_standard_input(orders, transfer, before, robots)
     today = read_orders(read_sheet(orders))
     table = open_table(None if transfer is None else read_sheet(transfer), today)
-    others = {name: cost for name, cost in table.c_demo.items() if name not in today.tasks}
+    known = set(today.tasks)
+    others = {name: cost for name, cost in table.c_demo.items() if name not in known}
     team = read_robots(None if robots is None else read_sheet(robots), today, others)
     arcs = None if before is None else read_before(read_sheet(before), today.tasks)
-    lessons, c_demo, remarks = _lessons(today, table, team)
+    lessons, c_demo, remarks = _lessons(today, table, tuple(others), team)
     measured = read_probabilities(table, lessons, today.tasks, team.names)
     try:
         shop = Shop(
@@ -124,7 +134,7 @@ def read_shop(
     _refuse_impossible(shop, today)
     if measured.own and (team.skill < 1.0).any():
         remarks += ("skill lowers what is measured with no robot in particular; rows of a robot are taken as they are",)
-    return Reading(
+    return ShopReading(
         shop=shop,
         remarks=(*today.remarks, *team.remarks, *remarks, *measured.remarks, *gaps),
         extra=today.extra,
@@ -142,10 +152,11 @@ def _check_settings(order: str, max_lessons: float, max_teaching: float, fill: f
         raise ConfigError(f"fill: {fill} given; expected a probability in [0, 1]")
 
 
-def _lessons(orders: Orders, table: TransferTable, team: Robots) -> tuple[tuple[str, ...], Array, tuple[str, ...]]:
+def _lessons(
+    orders: Orders, table: TransferTable, others: tuple[str, ...], team: Robots
+) -> tuple[tuple[str, ...], Array, tuple[str, ...]]:
     """Names of the L lessons, [R, L] what they cost, and what is to be said of those that are on none of the tasks."""
     n = len(orders.tasks)
-    others = [name for name in table.c_demo if name not in orders.tasks]
     demos = np.concatenate([orders.demos, np.ones(len(others))])
     c_demo = np.where(team.teachable & ~np.isnan(team.c_demo), team.c_demo, np.inf) * demos
     kept = [each for each in range(n, n + len(others)) if np.isfinite(c_demo[:, each]).any()]
@@ -179,9 +190,9 @@ def _complete(
     if gap.any():
         default, remarks = _default(shop, table, gap, int(needed.any(axis=0).sum()), fill, filling)
     values = np.where(missing, default[None], values)
-    own = np.arange(shop.n)
-    unused = missing[:, own, own] & ~needed[:, own, own]
-    values[:, own, own] = np.where(unused, 1.0, values[:, own, own])
+    same = np.arange(shop.n)
+    unused = missing[:, same, same] & ~needed[:, same, same]
+    values[:, same, same] = np.where(unused, 1.0, values[:, same, same])
     return values, remarks
 
 
@@ -194,13 +205,11 @@ def _default(
         k, i = np.argwhere(gap)[0].tolist()
         lesson, task = shop.lessons[k], shop.tasks[i]
         first = "that of" if gap.sum() == 1 else "the first of which is"
-        close = (
-            ""
-            if lesson in table.c_demo
-            else likeness(lesson, [each for each in table.c_demo if each not in shop.tasks])
-        )
+        others = [] if lesson in table.c_demo else [each for each in table.c_demo if each not in shop.tasks]
         ways = "give it, or fill=0 (such a lesson does not help), or features=<table of the tasks> to predict it"
-        problem = f"has no value for {many}, {first} '{lesson}' taught and '{task}' tested{close}; {ways}"
+        problem = (
+            f"has no value for {many}, {first} '{lesson}' taught and '{task}' tested{likeness(lesson, others)}; {ways}"
+        )
         raise InputError.at(table.name if table.sheet is None else table.sheet.name, None, None, problem)
     default = np.full(gap.shape, 0.0 if fill is None else fill)
     source = f"taken as {fill:g} (fill={fill:g})" if filling is None else "predicted"
@@ -219,13 +228,18 @@ def _default(
     return default, tuple(remarks)
 
 
+def _lessons_to_give(shop: Shop) -> BoolArray:
+    """[R, L] lessons that can be given to a robot, and that no decision rules out."""
+    can_teach: BoolArray = np.isfinite(shop.c_demo)
+    can_teach[:, : shop.n] &= (shop.choice == Ruling.FREE) | (shop.choice == Ruling.LEARN)
+    return can_teach
+
+
 def _useful(shop: Shop) -> BoolArray:
     """[R, L, n] pairs that a plan may use: the lesson can be given and comes in time, the task can be attempted."""
-    can_teach = np.isfinite(shop.c_demo)
-    can_teach[:, : shop.n] &= (shop.choice == Choice.FREE) | (shop.choice == Choice.LEARN)
-    can_act = np.isfinite(shop.c_rob) & (shop.choice != Choice.DELEGATE)
-    can_act &= (shop.choice != Choice.LEARN) | (shop.count > 1)
-    useful: BoolArray = can_teach[:, :, None] & can_act[:, None, :]
+    can_act = np.isfinite(shop.c_rob) & (shop.choice != Ruling.DELEGATE)
+    can_act &= (shop.choice != Ruling.LEARN) | (shop.count > 1)
+    useful: BoolArray = _lessons_to_give(shop)[:, :, None] & can_act[:, None, :]
     useful[:, : shop.n] &= ~too_late(shop)
     own = np.arange(shop.n)
     useful[:, own, own] &= shop.count > 1
@@ -245,34 +259,22 @@ def _scaled(shop: Shop, values: Array, measured: Measured, team: Robots, orders:
 def _refuse_impossible(shop: Shop, orders: Orders) -> None:
     """A plan that gives every lesson does all tasks, unless one of them has no way at all."""
     task, _ = shop.groups
-    lost = np.flatnonzero(np.isinf(outside_costs(shop)))
-    can_teach = np.isfinite(shop.c_demo)
-    can_teach[:, : shop.n] &= (shop.choice == Choice.FREE) | (shop.choice == Choice.LEARN)
-    late = too_late(shop) if len(lost) else np.zeros((shop.n, shop.n), dtype=bool)
-    for group in lost.tolist():
+    lost = np.flatnonzero(np.isinf(outside_costs(shop))).tolist()
+    can_teach = _lessons_to_give(shop)
+    late = too_late(shop) if lost else np.zeros((shop.n, shop.n), dtype=bool)
+    robots = np.arange(len(shop.robots))
+    for group in lost:
         each, is_first = int(task[group]), group < shop.n
-        choice = Choice(int(shop.choice[each]))
-        if is_first and can_teach[:, each].any():
-            continue
+        choice = Ruling(int(shop.choice[each]))
         in_time = can_teach.copy()
         in_time[:, : shop.n] &= ~late[:, each]
         best = np.where(in_time, shop.transfer[:, :, each], -1.0).max(axis=1)
-        robots = np.arange(len(shop.robots))
         attempts = attempt_cost(shop, robots, np.full(len(robots), each), np.maximum(best, 0.0))
-        can_act = choice != Choice.DELEGATE and not (is_first and choice == Choice.LEARN)
-        if can_act and bool((np.isfinite(attempts) & (best >= 0.0)).any()):
+        is_attempted = choice != Ruling.DELEGATE and not (is_first and choice == Ruling.LEARN)
+        by_attempt = is_attempted and bool((np.isfinite(attempts) & (best >= 0.0)).any())
+        if by_attempt or (is_first and can_teach[:, each].any()):
             continue
-        name = f"task '{shop.tasks[each]}'" if is_first else f"task '{shop.tasks[each]}', after its first copy,"
-        why = {
-            Choice.DELEGATE: "is to be delegated, and the person cannot do it; give a finite c_hum",
-            Choice.LEARN: "is to be taught, and cannot be; give a finite c_demo, and do not say teachable=no",
-            Choice.ACT: "is to be attempted, and no attempt is possible, with no lesson that comes in time; give a "
-            "finite c_rob and c_fail",
-        }
-        problem = (
-            "cannot be done: nobody can do or teach it, and no lesson that comes in time makes an attempt possible"
-        )
-        is_free = choice not in why or (choice == Choice.LEARN and not is_first)
-        text = f"{problem}; give it a finite cost" if is_free else why[choice]
-        column = None if is_free else orders.decision
-        raise InputError.at(orders.name, orders.lines[each], column, f"{name} {text}")
+        what = f"task '{shop.tasks[each]}'" + ("" if is_first else ", after its first copy,")
+        has_decision = choice in (Ruling.ACT, Ruling.DELEGATE, Ruling.LEARN) and (is_first or choice != Ruling.LEARN)
+        problem = f"{what} {_NO_WAY[choice if has_decision else Ruling.FREE]}"
+        raise InputError.at(orders.name, orders.lines[each], orders.decision if has_decision else None, problem)

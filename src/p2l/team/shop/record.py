@@ -29,7 +29,7 @@ ShopOrder = Literal["fixed", "any", "partial"]
 SHOP_ORDERS: tuple[str, ...] = ("fixed", "any", "partial")
 
 
-class Choice(IntEnum):
+class Ruling(IntEnum):
     """What a person has decided already for a task: nothing, what happens to it, or that it is not taught."""
 
     FREE = -1
@@ -56,7 +56,7 @@ class Shop:
         c_demo: [R, L] cost of teaching a lesson to a robot; infinite where it cannot be taught.
         transfer: [R, L, n] success probability on a task after a lesson to the robot that attempts it. A lesson's own
             task uses it for the copies after the first.
-        choice: [n] a `Choice`.
+        choice: [n] a `Ruling`.
         order: "fixed", "any", or "partial": any that keeps `before`.
         before: [P, 2] tasks of which the first is done before the second, all copies of it.
         max_lessons: lessons, at most; infinite for no limit.
@@ -64,6 +64,20 @@ class Shop:
 
     Raises:
         ShapeError: a wrong shape, a repeated name, a number out of range, a partial order with a circle.
+
+    Example:
+        Two pegs and a lid; a lesson on the pegs' task is of no use for the lid.
+
+        >>> import numpy as np
+        >>> from p2l import Shop
+        >>> one = np.ones((1, 2))
+        >>> day = Shop(
+        ...     tasks=("peg", "lid"), robots=("arm",), lessons=("peg", "lid"), completes=[0, 1], count=[2, 1],
+        ...     c_hum=[100.0, 100.0], c_rob=10 * one, c_fail=100 * one, pretrained=0 * one, c_demo=[[120.0, np.inf]],
+        ...     transfer=[[[0.9, 0.0], [0.0, 0.9]]], choice=[-1, -1],
+        ... )
+        >>> day.n, [size.tolist() for size in day.groups]
+        (2, [[0, 1, 0], [1, 1, 1]])
     """
 
     tasks: tuple[str, ...]
@@ -153,7 +167,7 @@ class Shop:
             pretrained=problem.pretrained[None],
             c_demo=problem.c_demo[None],
             transfer=problem.transfer[None],
-            choice=np.full(problem.n, Choice.FREE),
+            choice=np.full(problem.n, Ruling.FREE),
             order=problem.order,
         )
 
@@ -161,7 +175,7 @@ class Shop:
         """The thesis's problem that this shop is, or None if it is more than that."""
         plain = len(self.robots) == 1 and len(self.lessons) == self.n and self.order != "partial"
         plain = plain and bool((self.completes == np.arange(self.n)).all() and (self.count == 1).all())
-        plain = plain and bool((self.choice == Choice.FREE).all())
+        plain = plain and bool((self.choice == Ruling.FREE).all())
         if not plain or math.isfinite(self.max_lessons) or math.isfinite(self.max_teaching):
             return None
         order: Literal["fixed", "any"] = "any" if self.order == "any" else "fixed"

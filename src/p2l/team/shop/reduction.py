@@ -18,7 +18,7 @@ import numpy as np
 from p2l.records import Array, BoolArray, IntArray
 from p2l.team.facility import Pairs, collect
 from p2l.team.shop.outcome import attempt_cost
-from p2l.team.shop.record import Choice, Shop, precedence
+from p2l.team.shop.record import Ruling, Shop, precedence
 
 
 class Reduction(NamedTuple):
@@ -56,9 +56,9 @@ def reduce_shop(shop: Shop, dropped: BoolArray | None = None) -> Reduction:
         skill = shop.transfer[robot[None, :], lesson[None, :], i[:, None]]
         cost = attempt_cost(shop, robot[None, :], i[:, None], skill) * m[:, None]
         cost[late[:, i][own].T & (own >= 0)[None, :]] = np.inf
-        cost[shop.choice[i] == Choice.DELEGATE] = np.inf
+        cost[shop.choice[i] == Ruling.DELEGATE] = np.inf
         is_first = np.arange(low, high) < shop.n
-        cost[is_first & (shop.choice[i] == Choice.LEARN)] = np.inf
+        cost[is_first & (shop.choice[i] == Ruling.LEARN)] = np.inf
         if dropped is not None:
             cost[dropped[lesson, low:high].T] = np.inf
         cost[is_first[:, None] & (own[None, :] == i[:, None])] = 0.0
@@ -79,9 +79,9 @@ def outside_costs(shop: Shop) -> Array:
     task, size = shop.groups
     robots, tasks = np.arange(len(shop.robots))[:, None], np.arange(shop.n)[None, :]
     attempt = attempt_cost(shop, robots, tasks, shop.pretrained).min(axis=0)
-    attempt = np.where(shop.choice == Choice.DELEGATE, np.inf, attempt)
-    person = np.where(shop.choice == Choice.ACT, np.inf, shop.c_hum)
-    is_taught = (np.arange(len(task)) < shop.n) & (shop.choice[task] == Choice.LEARN)
+    attempt = np.where(shop.choice == Ruling.DELEGATE, np.inf, attempt)
+    person = np.where(shop.choice == Ruling.ACT, np.inf, shop.c_hum)
+    is_taught = (np.arange(len(task)) < shop.n) & (shop.choice[task] == Ruling.LEARN)
     cost: Array = np.where(is_taught, np.inf, np.minimum(attempt, person)[task] * size)
     return cost
 
@@ -95,5 +95,5 @@ def too_late(shop: Shop) -> BoolArray:
 
 def _not_taught(shop: Shop) -> BoolArray:
     """[L] lessons whose task is not to be taught."""
-    closed = (shop.choice != Choice.FREE) & (shop.choice != Choice.LEARN)
+    closed = (shop.choice != Ruling.FREE) & (shop.choice != Ruling.LEARN)
     return (shop.completes >= 0) & closed[shop.completes]
