@@ -17,7 +17,7 @@ from p2l.team.columns import distinct_names, known_columns, likeness
 from p2l.team.problem import Order, Problem
 from p2l.team.sheets import Sheet, flag, number, read_sheet, whole_number
 from p2l.team.shop.orders import read_orders as read_shop_orders
-from p2l.team.shop.record import Choice
+from p2l.team.shop.record import Ruling
 from p2l.transfer.few_trials import TaskTable, Trials
 
 _COUNTS, _SINGLE = ("taught", "tested", "successes", "attempts"), ("taught", "tested", "success")
@@ -146,7 +146,7 @@ def read_orders(path: Path, names: Sequence[str], features: Path, order: Order) 
     labels = [
         f"{orders.tasks[row]} ({nth + 1})" if nth else orders.tasks[row] for row, nth in zip(rows, copy, strict=True)
     ]
-    can_teach = orders.teachable & np.isin(orders.choice, (Choice.FREE, Choice.LEARN))
+    can_teach = orders.teachable & np.isin(orders.choice, (Ruling.FREE, Ruling.LEARN))
     try:
         problem = Problem(
             tasks=tuple(labels),

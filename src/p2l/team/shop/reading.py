@@ -1,6 +1,6 @@
 """A person's own day as a `Shop`: tables of orders, transfer, robots and a partial order, with whatever they leave out.
 
-ShopReading stops at the first thing that is wrong, with one message that names the file, the row and the column. What had
+Reading stops at the first thing that is wrong, with one message that names the file, the row and the column. What had
 to be assumed is said in `ShopReading.remarks`.
 """
 
