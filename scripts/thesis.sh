@@ -49,9 +49,16 @@ dvc repro "${targets[@]}"
 [ ${#targets[@]} -eq 0 ] || exit 0
 
 results=$root/results/thesis
+declare -A further # rows that scripts/thesis_predictor.sh has put below ours
+for name in figure_3_7 figure_3_10_insertion; do
+  further[$name]=$(grep -h 'predictor=' "$results/tables/$name.csv" || true)
+done
 for part in tables figures; do
   mkdir -p "$results/$part"
   cp -r "data/report/$part/." "$results/$part" # what other scripts made, such as the ablation's table, stays
+done
+for name in "${!further[@]}"; do
+  [ -z "${further[$name]}" ] || printf '%s\n' "${further[$name]}" >> "$results/tables/$name.csv"
 done
 mkdir -p "$results/metrics"
 for file in data/*/*/{metrics,summary}.json; do

@@ -13,7 +13,7 @@ from p2l.ledger import Item
 from p2l.schema import ArchivedStageConfig
 
 # Of a configuration, what changes no file that is kept: beside what changes no result, films and episodes at once.
-_IDLE = {"videos": True, "video": True, "slots": True, "domain": {"params": {"nthread"}}}
+_IDLE = {"videos": True, "video": True, "slots": True, "domain": {"params": {"nthread", "encoding"}}}
 
 
 def make_or_restore(
@@ -41,7 +41,8 @@ def archive_of(stage: str, version: int, cfg: ArchivedStageConfig, names: Sequen
         version: of the code behind it; raised when an edit changes the files: committed records know no code of ours.
         cfg: its configuration; paths in it count by the bytes that lie there.
         names: of the files.
-        world: digest of the world that is simulated, if there is one and no input file holds it.
+        world: digest of the world that is simulated, if there is one and no input file holds it; or what else of it
+            decides the files and no value of the configuration says.
 
     Raises:
         ArtifactError: an input file is missing.

@@ -13,7 +13,7 @@ from pydantic import BaseModel
 
 from p2l.artifacts import config_hash, write_text
 from p2l.closure import code_digest
-from p2l.schema import StageConfig
+from p2l.schema import EvaluateTeamConfig, PlanConfig, StageConfig
 from p2l.tracking import Tracker
 from stages import ROOT
 
@@ -37,6 +37,15 @@ def code_of(name: str, cfg: StageConfig, records: Path | None) -> str:
     if records:
         return cfg.outside_code
     return config_hash([code_digest(f"stages.{name}", {"stages": ROOT / "stages"}), cfg.outside_code])
+
+
+def ledger_of(name: str, cfg: PlanConfig | EvaluateTeamConfig, out: Path) -> tuple[Path, str]:
+    """Folder of the records of a stage on a study's sets, and the hash of what decides its blocks besides their tasks.
+
+    Committed records outlive harmless edits (`TRUTH_VERSION`, `PRETRAINED_VERSION` mark others); a run's own do not.
+    """
+    code = code_of(name, cfg, cfg.records)
+    return cfg.records or out / "records", config_hash([cfg.identity, code]) if code else cfg.identity
 
 
 def fields_of(cfg: BaseModel, record: type[Any]) -> dict[str, Any]:

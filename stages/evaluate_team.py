@@ -7,7 +7,7 @@ from typing import Any
 
 import pandas as pd
 
-from p2l.artifacts import config_hash, load_table, save_table
+from p2l.artifacts import load_table, save_table
 from p2l.domains.table import make_domain
 from p2l.errors import ArtifactError
 from p2l.evaluation.team.metrics import summarise
@@ -17,7 +17,7 @@ from p2l.seeding import generator
 from p2l.team.execute import Truth, recorded_rows, recorded_truth, true_plans
 from p2l.team.study import make_block
 from p2l.tracking import Tracker
-from stages._bridge import code_of
+from stages._bridge import ledger_of
 from stages._progress import bar
 from stages._stage import stage
 
@@ -26,10 +26,7 @@ from stages._stage import stage
 def run(cfg: EvaluateTeamConfig, out: Path, track: Tracker) -> None:
     """Execute every plan block by block; blocks and methods with a matching record are not run again."""
     domain, study = make_domain(cfg.domain.key, cfg.domain.params), cfg.study.study()
-    records = cfg.records or out / "records"
-    # Committed records outlive harmless edits (`TRUTH_VERSION` marks the others); a run's own do not.
-    code = code_of("evaluate_team", cfg, cfg.records)
-    identity = config_hash([cfg.identity, code]) if code else cfg.identity
+    records, identity = ledger_of("evaluate_team", cfg, out)
     plans = load_table(cfg.plans, schema="plans", version=1)
     rows: list[dict[str, Any]] = []
     truths: dict[int, Truth] = {}

@@ -2,12 +2,13 @@
 
 import subprocess
 import sys
+from typing import get_args
 
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from p2l.contracts.domain import Domain, Tasks
+from p2l.contracts.domain import Domain, Encoding, Tasks
 from p2l.domains.table import DOMAINS, make_domain
 from p2l.errors import ConfigError, ShapeError
 from p2l.evaluation.transfer.strategies import strategy_figure
@@ -32,7 +33,7 @@ def collected(request):
 def test_records_and_shapes(collected):
     domain, tasks, skills, success, seen = collected
     assert isinstance(domain, Domain)
-    assert domain.encoding in ("difference", "concatenation")
+    assert domain.encoding in get_args(Encoding)
     assert tasks.features.shape == (4, len(domain.feature_names))
     assert len(set(domain.feature_names)) == len(domain.feature_names)
     assert len(set(tasks.names)) == 4

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from p2l.domains.insertion.domain import InsertionDomain, RepsSettings
-from p2l.domains.insertion.factory import board, insertion
+from p2l.domains.insertion.factory import board, insertion, insertion_continuous
 from p2l.domains.insertion.layouts import make_tasks
 from p2l.domains.insertion.physics import InsertionPhysics, build_model, is_inserted, start_states
 from p2l.domains.insertion.rollouts import TIMING, Rollouts
@@ -111,11 +111,29 @@ def test_insertion_is_a_matter_of_depth():
     np.testing.assert_array_equal(is_inserted(depths, InsertionPhysics()), [False, True, False])
 
 
+def test_how_pairs_are_seen_is_chosen_by_layout_and_changes_no_task():
+    assert [make().encoding for make in (insertion, insertion_continuous, board)] == ["walls", "walls", "difference"]
+    assert insertion(encoding="difference").encoding == "difference"
+    samples = [insertion(encoding=name).sample_set(np.random.default_rng(3), 5) for name in (None, "difference")]
+    np.testing.assert_array_equal(samples[0].features, samples[1].features)
+
+
+def test_the_continuous_variant_has_names_and_tasks_of_its_own():
+    domain = insertion_continuous()
+    assert domain.name == "insertion_continuous"
+    tasks, other = (one.sample_tasks(np.random.default_rng(0), 20) for one in (domain, insertion()))
+    on_lattice = np.isin(np.round(other.features[:, :4], 6), [1.1, 2.0, 2.9, 4.0]).all(axis=1)
+    assert on_lattice.all()
+    assert not np.isin(np.round(tasks.features[:, :4], 6), [1.1, 2.0, 2.9]).any()
+
+
 def test_unknown_settings_are_refused():
     with pytest.raises(ConfigError, match="unknown RepsSettings settings"):
         insertion(reps={"sample": 3})
     with pytest.raises(ConfigError, match="known layouts: grid, board"):
         insertion(layout="sphere")
+    with pytest.raises(ConfigError, match="known ones: difference, concatenation, walls"):
+        insertion(encoding="wall")
     with pytest.raises(ConfigError, match="rising range"):
         insertion(board_distance_m=[0.02, 0.01])
     for wrong in (

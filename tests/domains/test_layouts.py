@@ -14,6 +14,7 @@ from p2l.domains.insertion.layouts import (
     grid_walls,
     relative_walls,
     sample_board_tasks,
+    sample_continuous_tasks,
     sample_grid_tasks,
 )
 from p2l.domains.insertion.physics import InsertionPhysics, build_model
@@ -41,6 +42,34 @@ def test_every_grid_slot_is_next_to_a_wall_and_clear_of_all(seed):
     for walls, count in zip(tasks.payload["walls"], tasks.payload["wall_count"], strict=True):
         gap = np.abs(walls[:count, :2]) - walls[:count, 2:]
         assert (gap.max(1) > 0.006).all(), "a wall covers part of the slot"
+
+
+@given(seed=st.integers(0, 1000))
+@settings(max_examples=25, deadline=None)
+def test_off_the_lattice_slots_keep_the_lattice_s_bounds_and_hardly_any_two_tasks_are_alike(seed):
+    tasks = sample_continuous_tasks(np.random.default_rng(seed), 40, layout_seed=seed % 7, farthest_wall_cm=2.0)
+    distances = tasks.features[:, :4]
+    assert (distances.min(1) <= 2.0 + 1e-9).all()
+    assert (distances.min(1) >= 1.1 - 1e-9).all()
+    assert len(np.unique(np.round(tasks.features, 6), axis=0)) == 40
+    for walls, count in zip(tasks.payload["walls"], tasks.payload["wall_count"], strict=True):
+        gap = np.abs(walls[:count, :2]) - walls[:count, 2:]
+        assert (gap.max(1) > 0.006).all(), "a wall covers part of the slot"
+
+
+def test_off_the_lattice_slots_fill_the_square_that_the_lattice_spans():
+    """Offsets from the cell's middle, found back from a wall's distance: none beyond 9 mm, and every tenth is met."""
+    tasks = sample_continuous_tasks(np.random.default_rng(0), 400, layout_seed=0, farthest_wall_cm=2.9)
+    left = tasks.features[tasks.features[:, 0] < 4.0, 0]
+    offset = left / 100.0 - (CELL / 2 - 0.005)
+    assert np.abs(offset).max() <= 0.009 + 1e-9
+    assert (np.histogram(offset, np.linspace(-0.009, 0.009, 11))[0] > 0).all()
+    assert set(tasks.group.tolist()) == {0, 1, 2, 3}
+
+
+def test_a_distance_that_no_slot_has_is_refused():
+    with pytest.raises(ConfigError, match="no slot has a wall within farthest_wall_cm = 1"):
+        sample_continuous_tasks(np.random.default_rng(0), 1, layout_seed=0, farthest_wall_cm=1.0)
 
 
 def test_the_environments_differ_in_their_number_of_walls():

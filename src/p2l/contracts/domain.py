@@ -16,7 +16,7 @@ import numpy.typing as npt
 from p2l.errors import ShapeError
 from p2l.records import Array, BoolArray, IntArray, freeze
 
-Encoding = Literal["difference", "concatenation"]
+Encoding = Literal["difference", "concatenation", "walls"]
 Progress = Callable[[int, int], None]
 
 
@@ -113,7 +113,7 @@ class Domain(Protocol):
 
     @property
     def encoding(self) -> Encoding:
-        """How the predictor sees a pair: `τ_train − τ_test` or `[τ_train, τ_test]`."""
+        """How the predictor sees a pair, see `transfer.encodings`: `τ_train − τ_test`, `[τ_train, τ_test]`, or more."""
 
     def sample_tasks(self, rng: np.random.Generator, n: int) -> Tasks:
         """N tasks from which Algorithm 1 collects its data."""

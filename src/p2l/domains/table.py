@@ -21,13 +21,22 @@ def _insertion() -> Callable[..., Domain]:
     return insertion
 
 
+def _insertion_continuous() -> Callable[..., Domain]:
+    from p2l.domains.insertion.factory import insertion_continuous
+
+    return insertion_continuous
+
+
 def _lego() -> Callable[..., Domain]:
     from p2l.domains.lego.domain import Lego
 
     return Lego
 
 
-DOMAINS: Registry[Callable[..., Domain]] = Registry("domain", {"board": _board, "insertion": _insertion, "lego": _lego})
+DOMAINS: Registry[Callable[..., Domain]] = Registry(
+    "domain",
+    {"board": _board, "insertion": _insertion, "insertion_continuous": _insertion_continuous, "lego": _lego},
+)
 
 
 def make_domain(name: str, params: Mapping[str, Any] | None = None) -> Domain:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import Field, model_validator
 
@@ -39,7 +39,12 @@ class DomainConfig(ChoiceConfig):
 
 
 class DomainStageConfig(StageConfig):
-    """Configuration of a stage that works on one domain."""
+    """Configuration of a stage that works on one domain.
+
+    How a predictor sees pairs of tasks changes neither tasks nor skills; `fit_transfer`, which it matters to, says so.
+    """
+
+    idle: ClassVar[dict[str, Any]] = StageConfig.idle | {"domain": {"params": {"encoding"}}}
 
     domain: DomainConfig
 
@@ -67,6 +72,7 @@ class StudyConfig(ConfigSection):
     tuning_sets: Count
     theta: Probability
     orders: tuple[tuple[str, ...], ...]
+    pretrained_draws: Annotated[int, Field(ge=0)] = 0
     regimes: Annotated[dict[str, RegimeConfig], Field(min_length=1)]
 
     @model_validator(mode="after")
@@ -92,11 +98,17 @@ class StudyStageConfig(DomainStageConfig):
     @property
     def identity(self) -> str:
         """Hash of what decides a block's truth besides its tasks: world, learner and draws, whatever runs them."""
-        world = {key: value for key, value in self.domain.params.items() if key != "nthread"}
+        world = {key: value for key, value in self.domain.params.items() if key not in ("nthread", "encoding")}
         return config_hash([self.domain.key, world, self.seed, self.study.draws])
 
 
-class CollectConfig(DomainStageConfig, ArchivedStageConfig):
+class ArchivedDomainConfig(DomainStageConfig, ArchivedStageConfig):
+    """Configuration of a stage that works on one domain and whose files are kept."""
+
+    idle: ClassVar[dict[str, Any]] = DomainStageConfig.idle | ArchivedStageConfig.idle
+
+
+class CollectConfig(ArchivedDomainConfig):
     """Stage `collect` (Algorithm 1): tasks, skills learnt on some of them, and every skill tried on every task."""
 
     n_tasks: Count
@@ -115,7 +127,7 @@ class CollectConfig(DomainStageConfig, ArchivedStageConfig):
         return self
 
 
-class FitTransferConfig(DomainStageConfig, ArchivedStageConfig):
+class FitTransferConfig(ArchivedDomainConfig):
     """Stage `fit_transfer`: the network that predicts how well the skill of one task does on another."""
 
     transfer_data: Path
@@ -161,6 +173,7 @@ class PlanConfig(StudyStageConfig, ShopFiles):
     transfer: Path | None
     transfer_model: Path
     transfer_data: Path
+    records: Path | None
     planner: str
     order: Literal["fixed", "any"] | None
     max_lessons: NotNegative | None

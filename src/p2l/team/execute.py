@@ -11,6 +11,7 @@ Axis letters: M pool tasks, Q pre-training tasks, n tasks of a set.
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -23,6 +24,7 @@ from p2l.contracts.domain import Domain, Progress, Tasks
 from p2l.ledger import Item, find, write
 from p2l.records import Array, IntArray, TransferData, freeze
 from p2l.seeding import generator
+from p2l.team.pretrained import learn_block, recorded_skills
 from p2l.team.problem import Decision, Plan
 from p2l.team.study import (
     METHODS,
@@ -63,19 +65,31 @@ class Truth:
             object.__setattr__(self, name, value)
 
 
-def measure_truth(domain: Domain, study: Study, seed: int, block: Block, progress: Progress | None = None) -> Truth:
-    """Teach the robot every task of a block and try every skill on every pool task."""
+def measure_truth(
+    domain: Domain,
+    study: Study,
+    seed: int,
+    block: Block,
+    progress: Progress | None = None,
+    skills: Array | None = None,
+) -> Truth:
+    """Teach the robot every task of a block, unless `skills` [M + Q, P] are given, and try all on every pool task."""
     tasks = block.pool.join(block.pretrained)
-    skills = domain.learn(
-        tasks, np.arange(len(tasks)), generator(seed, "evaluate", domain.name, "learn", block.index), progress
-    )
+    if skills is None:
+        skills = learn_block(domain, seed, block, progress)
     rng = generator(seed, "evaluate", domain.name, "draws", block.index)
     outcome = domain.evaluate(skills, tasks, block.pool, 2 * study.draws, rng, progress)
     return Truth(outcome[..., : study.draws].mean(-1), outcome[..., study.draws :].mean(-1))
 
 
 def study_plans(
-    domain: Domain, study: Study, seed: int, collected: TransferData, predict: Predictor, limit_s: float
+    domain: Domain,
+    study: Study,
+    seed: int,
+    collected: TransferData,
+    predict: Predictor,
+    limit_s: float,
+    measure: Callable[[Block], Array] | None = None,
 ) -> tuple[dict[str, float], pd.DataFrame]:
     """CBA's best threshold by regime, and plans of every method for every case of all blocks.
 
@@ -86,19 +100,34 @@ def study_plans(
         collected: tasks that thresholds are tuned on.
         predict: success from features of the taught and the tested tasks.
         limit_s: wall seconds of each planner.
+        measure: success [Q, M] of a block's pre-trained skills on its pool; None: it is predicted.
     """
     pool = Tasks(collected.names, collected.features, collected.group)
     thetas = {regime.name: tune_theta(study, regime, pool, predict, seed) for regime in study.regimes}
     blocks = [make_block(domain, study, seed, index) for index in range(study.blocks)]
-    return thetas, pd.concat([predicted_plans(study, seed, block, predict, thetas, limit_s) for block in blocks])
+    frames = []
+    for block in blocks:
+        library = None if measure is None else measure(block)
+        frames.append(predicted_plans(study, seed, block, predict, thetas, limit_s, library))
+    return thetas, pd.concat(frames)
 
 
 def predicted_plans(
-    study: Study, seed: int, block: Block, predict: Predictor, thetas: dict[str, float], limit_s: float
+    study: Study,
+    seed: int,
+    block: Block,
+    predict: Predictor,
+    thetas: dict[str, float],
+    limit_s: float,
+    library: Array | None = None,
 ) -> pd.DataFrame:
-    """Plans of every method for every case of a block, one row per task (see `plan_rows`)."""
+    """Plans of every method for every case of a block, one row per task (see `plan_rows`).
+
+    `library` [Q, M] is the measured success of pre-trained skills; without it theirs is predicted as lessons' is.
+    """
     pool = predict(block.pool.features, block.pool.features)
-    library = predict(block.pretrained.features, block.pool.features)
+    if library is None:
+        library = predict(block.pretrained.features, block.pool.features)
     frames = []
     for task_set, regime, level in cases(study, task_sets(study, seed, block)):
         for method, (_, order) in METHODS.items():
@@ -213,7 +242,8 @@ def recorded_truth(
     item = Item(domain.name, "truth", seed, block.index, config_hash([TRUTH_VERSION, identity, block.digest]))
     if (record := find(records, item)) is None:
         start = time.perf_counter()
-        truth = measure_truth(domain, study, seed, block, progress)
+        skills = recorded_skills(domain, seed, block, records, identity)
+        truth = measure_truth(domain, study, seed, block, progress, skills)
         record = {"planning": truth.planning.tolist(), "executing": truth.executing.tolist()}
         write(records, item, record, seconds=time.perf_counter() - start)
     return Truth(record["planning"], record["executing"])

@@ -12,15 +12,14 @@ from enum import IntEnum
 from typing import Literal, cast
 
 import numpy as np
-import numpy.typing as npt
 
 from p2l.errors import ShapeError
 from p2l.records import Array, BoolArray, IntArray, freeze
+from p2l.team.costs import freeze_cost
 
 Order = Literal["fixed", "any"]
 Status = Literal["optimal", "feasible", "time_limit", "heuristic"]
 ORDERS: tuple[str, ...] = ("fixed", "any")
-LARGEST = 1e100  # sums of larger costs overflow; infinity stands for what is not possible
 _FAR = 1e120  # no multiplier that proves anything is beyond it, and sums of such do not overflow
 
 
@@ -286,22 +285,6 @@ class FacilitySolution:
     def gap(self) -> float:
         """(cost - lower_bound) / cost."""
         return relative_gap(self.cost, self.lower_bound)
-
-
-def freeze_cost(name: str, value: npt.ArrayLike, shape: tuple[int | str, ...], sizes: dict[str, int]) -> Array:
-    """A read-only array of costs, at least 0; infinity stands for what is not possible.
-
-    Raises:
-        ShapeError: as `records.freeze`, NaN included.
-    """
-    array: Array = freeze(name, value, shape, sizes, low=0.0, finite=False)
-    if np.isnan(array).any():
-        raise ShapeError(f"{name}: holds NaN at {np.argwhere(np.isnan(array))[0].tolist()}")
-    if (largest := array.max(initial=0.0, where=np.isfinite(array))) > LARGEST:
-        raise ShapeError(
-            f"{name}: holds {largest}; expected values of at most 1e+100, or infinity for what is not possible"
-        )
-    return array
 
 
 def relative_gap(cost: float, lower_bound: float) -> float:

@@ -62,6 +62,8 @@ class Study:
         tuning_sets: sets for the grid search of CBA's threshold, drawn from the tasks of `collect`.
         theta: the threshold of the method `cba`.
         orders: fixed sets as tuples of task names, or empty.
+        pretrained_draws: simulated executions of each pre-trained skill on each task before a plan is made; 0: their
+            success is predicted, as that of lessons is.
     """
 
     regimes: tuple[Regime, ...]
@@ -74,6 +76,13 @@ class Study:
     tuning_sets: int
     theta: float
     orders: tuple[tuple[str, ...], ...] = ()
+    pretrained_draws: int = 0
+
+    @property
+    def executions(self) -> dict[str, int]:
+        """Simulated executions of pre-trained skills before plans are made, in all blocks; empty if there are none."""
+        number = self.blocks * self.pretrained_pool * self.pool * self.pretrained_draws
+        return {"pretrained_executions": number} if number else {}
 
     def __post_init__(self) -> None:
         deepest = max((max(regime.levels) for regime in self.regimes), default=0)

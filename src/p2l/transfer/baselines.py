@@ -46,7 +46,5 @@ def _fit_pairs(data: TransferData, split: TaskSplit) -> tuple[IntArray, IntArray
 
 def _encode(model: TransferModel, train: Array, test: Array) -> Array:
     """Pairs [K · M, D] as the network sees them."""
-    k, m = len(train), len(test)
-    first = np.repeat(model.standardise(train), m, axis=0)
-    second = np.tile(model.standardise(test), (k, 1))
-    return first - second if model.encoding == "difference" else np.hstack([first, second])
+    pairs = model.pairs(train, test)
+    return pairs.reshape(-1, pairs.shape[2])

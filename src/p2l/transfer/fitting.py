@@ -18,7 +18,8 @@ from p2l.contracts.domain import Encoding
 from p2l.errors import ConfigError
 from p2l.records import Array, BoolArray, IntArray, TransferData
 from p2l.transfer.calibration import Platt, fit_platt
-from p2l.transfer.model import TransferModel, Weights, pair_logits
+from p2l.transfer.encodings import PAIRS, is_linear, width
+from p2l.transfer.model import TransferModel, Weights, network_logits, pair_logits
 
 Report = Callable[[int, float, float], None]  # epoch, mean training loss, mean validation loss
 
@@ -66,13 +67,29 @@ class Fit:
 
 @dataclass(frozen=True)
 class _Tensors:
-    """Data as the networks take it: features [M, F], rate [K, M], train_task [K] task numbers, fold [M]."""
+    """Data as the networks take it: rate [K, M], train_task [K] task numbers, fold [M], all standardised.
+
+    `features` are [M, F] of tasks for a linear encoding, else [K, M, D] of pairs.
+    """
 
     encoding: Encoding
     features: torch.Tensor
     rate: torch.Tensor
     train_task: torch.Tensor
     fold: torch.Tensor
+
+    def inputs(self, skill: torch.Tensor, task: torch.Tensor) -> torch.Tensor:
+        """[E, B, D] what the networks see of the pairs of skills [E, B] and tasks [E, B]."""
+        if not is_linear(self.encoding):
+            return self.features[skill, task]
+        first, second = self.features[self.train_task[skill]], self.features[task]
+        return first - second if self.encoding == "difference" else torch.cat([first, second], dim=2)
+
+    def logits(self, weights: Weights, rows: torch.Tensor, columns: torch.Tensor) -> torch.Tensor:
+        """[E, K, M] of the pairs of all skills `rows` [K] with all tasks `columns` [M]."""
+        if not is_linear(self.encoding):
+            return network_logits(weights, self.features[rows][:, columns])
+        return pair_logits(weights, self.encoding, self.features[self.train_task[rows]], self.features[columns])
 
 
 def split_tasks(data: TransferData, holdout: float, members: int, rng: np.random.Generator) -> TaskSplit:
@@ -110,10 +127,16 @@ def fit(
     report: Report | None = None,
 ) -> Fit:
     """Fit the ensemble to the tasks that `split` does not hold out."""
-    mean, scale = _moments(data.features[~split.held_out])
+    seen = ~split.held_out
+    if is_linear(encoding):
+        features, fitted = data.features, data.features[seen]
+    else:
+        features = PAIRS[encoding](data.feature_names, data.features[data.train_task], data.features)
+        fitted = features[seen[data.train_task]][:, seen].reshape(-1, features.shape[2])
+    mean, scale = _moments(fitted)
     tensors = _Tensors(
         encoding,
-        torch.tensor((data.features - mean) / scale, dtype=torch.float32),
+        torch.tensor((features - mean) / scale, dtype=torch.float32),
         torch.tensor(data.rate, dtype=torch.float32),
         torch.tensor(data.train_task),
         torch.tensor(split.fold),
@@ -171,7 +194,7 @@ def _initial(
     features: int, encoding: Encoding, options: FitOptions, generator: torch.Generator
 ) -> dict[str, torch.Tensor]:
     """He's initialisation, drawn from `generator`."""
-    e, h, d = options.members, options.hidden, features * (1 if encoding == "difference" else 2)
+    e, h, d = options.members, options.hidden, width(encoding, features)
     weights = {
         "w1": torch.randn(e, d, h, generator=generator) * (2.0 / d) ** 0.5,
         "b1": torch.zeros(e, h),
@@ -238,8 +261,7 @@ def _epoch(
     total = torch.zeros(len(pairs))
     for batch in torch.stack(shuffles).split(options.batch_size, dim=2):  # [E, 2, B]
         skill, task = batch[:, 0], batch[:, 1]
-        first, second = tensors.features[tensors.train_task[skill]], tensors.features[task]
-        x = first - second if tensors.encoding == "difference" else torch.cat([first, second], dim=2)
+        x = tensors.inputs(skill, task)
         activation = torch.relu(torch.baddbmm(weights["b1"][:, None], x, weights["w1"]))
         logit = torch.einsum("ebh,eh->eb", activation, weights["w2"]) + weights["b2"][:, None]
         target = tensors.rate[skill, task]
@@ -254,12 +276,11 @@ def _epoch(
 def _validation(weights: Weights, tensors: _Tensors) -> torch.Tensor:
     """Loss [E] of each member on pairs that are tested on its own fold."""
     rows = torch.nonzero(tensors.fold[tensors.train_task] >= 0)[:, 0]
-    train = tensors.features[tensors.train_task[rows]]
     losses = []
     for e in range(len(weights["b2"])):
         columns = torch.nonzero(tensors.fold == e)[:, 0]
         member = {name: value.detach()[e : e + 1] for name, value in weights.items()}
-        logit = pair_logits(member, tensors.encoding, train, tensors.features[columns])[0]
+        logit = tensors.logits(member, rows, columns)[0]
         losses.append(functional.binary_cross_entropy_with_logits(logit, tensors.rate[rows][:, columns]))
     return torch.stack(losses)
 

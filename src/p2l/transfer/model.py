@@ -1,7 +1,8 @@
 """The precondition prediction model of the thesis (section 3.3.2): will the skill of one task solve another?
 
-A network with two fully connected layers maps a pair of tasks to a logit. Its input is `τ_train − τ_test` (insertion)
-or `[τ_train, τ_test]` (Lego). Axis letters: E members, K taught tasks, M tested tasks, F features, H hidden units.
+A network with two fully connected layers maps a pair of tasks to a logit. Its input is `τ_train − τ_test` (insertion),
+`[τ_train, τ_test]` (Lego), or another encoding of `transfer.encodings`. Axis letters: E members, K taught tasks, M
+tested tasks, F features of a task, D of a pair, H hidden units.
 
 Deviations from the thesis:
     1. Targets are success rates of several executions with a binomial likelihood, instead of one binary label.
@@ -23,6 +24,7 @@ from p2l.contracts.domain import Encoding
 from p2l.errors import ArtifactError, ShapeError
 from p2l.records import Array
 from p2l.transfer.calibration import Platt
+from p2l.transfer.encodings import PAIRS, is_linear
 
 SCHEMA = "transfer_model"
 Weights = Mapping[str, torch.Tensor]
@@ -36,8 +38,8 @@ class TransferModel:
     Attributes:
         encoding: how a pair of tasks enters.
         feature_names: F names; features of others are refused.
-        mean, scale: [F] standardisation of task features.
-        weights: `w1` [E, D, H], `b1` [E, H], `w2` [E, H], `b2` [E]; D is F or 2F.
+        mean, scale: standardisation, [F] of task features for a linear encoding, else [D] of pair features.
+        weights: `w1` [E, D, H], `b1` [E, H], `w2` [E, H], `b2` [E].
         platt: correction of the mean logit.
     """
 
@@ -48,8 +50,8 @@ class TransferModel:
     weights: Weights
     platt: Platt
 
-    def standardise(self, features: Array) -> Array:
-        """Features [M, F] as the network takes them.
+    def checked(self, features: Array) -> Array:
+        """Features [M, F] that are fit for this model.
 
         Raises:
             ShapeError: the number of features differs, or one is not finite.
@@ -62,14 +64,31 @@ class TransferModel:
             )
         if not np.isfinite(values).all():
             raise ShapeError("task features hold NaN or infinity")
-        return (values - self.mean) / self.scale
+        return values
+
+    def standardise(self, features: Array) -> Array:
+        """Features [M, F] as the network of a linear encoding takes them; see `checked`."""
+        return (self.checked(features) - self.mean) / self.scale
+
+    def pairs(self, train: Array, test: Array) -> Array:
+        """[K, M, D] standardised features of every pair, as the network sees them; see `checked`."""
+        first, second = self.checked(train), self.checked(test)
+        if not is_linear(self.encoding):
+            return (PAIRS[self.encoding](self.feature_names, first, second) - self.mean) / self.scale
+        rows = np.repeat(self.standardise(first)[:, None], len(second), axis=1)
+        columns = np.repeat(self.standardise(second)[None], len(first), axis=0)
+        return rows - columns if self.encoding == "difference" else np.concatenate([rows, columns], axis=2)
 
     def logits(self, train: Array, test: Array) -> Array:
         """Uncorrected logits [E, K, M] of features [K, F] of taught and [M, F] of tested tasks."""
-        rows, columns = (torch.from_numpy(self.standardise(features)).float() for features in (train, test))
+        size = max(1, _CELLS // max(1, len(test)))
         with torch.no_grad():
-            size = max(1, _CELLS // max(1, len(columns)))
-            parts = [pair_logits(self.weights, self.encoding, chunk, columns) for chunk in rows.split(size)]
+            if is_linear(self.encoding):
+                rows, columns = (torch.from_numpy(self.standardise(features)).float() for features in (train, test))
+                parts = [pair_logits(self.weights, self.encoding, chunk, columns) for chunk in rows.split(size)]
+            else:
+                pairs = torch.from_numpy(self.pairs(train, test)).float()
+                parts = [network_logits(self.weights, chunk) for chunk in pairs.split(size)]
         return cast(Array, torch.cat(parts, dim=1).numpy().astype(np.float64))
 
     def predict(self, train: Array, test: Array) -> Array:
@@ -109,7 +128,7 @@ def load_transfer_model(path: Path | str, *, feature_names: tuple[str, ...], enc
 
 
 def pair_logits(weights: Weights, encoding: Encoding, train: torch.Tensor, test: torch.Tensor) -> torch.Tensor:
-    """Logits [E, K, M] of all pairs of standardised tasks: taught ones [K, F] and tested ones [M, F].
+    """Logits [E, K, M] of all pairs of standardised tasks in a linear encoding: taught [K, F] and tested ones [M, F].
 
     The first layer is linear, so each task passes it once and a pair is a sum.
     """
@@ -118,6 +137,12 @@ def pair_logits(weights: Weights, encoding: Encoding, train: torch.Tensor, test:
     activation = torch.matmul(train, first)[:, :, None] + torch.matmul(test, second)[:, None]  # [E, K, M, H]
     activation = torch.relu(activation + weights["b1"][:, None, None])
     return torch.einsum("ekmh,eh->ekm", activation, weights["w2"]) + weights["b2"][:, None, None]
+
+
+def network_logits(weights: Weights, pairs: torch.Tensor) -> torch.Tensor:
+    """Logits [E, K, M] of standardised features [K, M, D] of pairs."""
+    activation = torch.einsum("kmd,edh->ekmh", pairs, weights["w1"]) + weights["b1"][:, None, None]
+    return torch.einsum("ekmh,eh->ekm", torch.relu(activation), weights["w2"]) + weights["b2"][:, None, None]
 
 
 def _brief(value: Any) -> str:

@@ -14,7 +14,7 @@ import yaml
 from p2l.artifacts import load_json, save_arrays, save_json, save_table
 from p2l.errors import ArtifactError
 from p2l.evaluation.page.files import narrow, save_report
-from p2l.evaluation.page.page import Films, Picture, Reading, Section, Sheet, render
+from p2l.evaluation.page.page import Films, PageTable, Picture, Reading, Section, render
 from p2l.evaluation.page.sources import Sources
 from p2l.evaluation.page.views import averages, estimate, plain_setting, setting_label
 from p2l.evaluation.report import SECTIONS
@@ -283,14 +283,14 @@ def test_a_missing_picture_names_the_stage_to_run(data):
 
 
 def test_two_tables_of_one_name_are_refused(tmp_path):
-    sheet = Sheet("same", pd.DataFrame(), [], [], "")
+    sheet = PageTable("same", pd.DataFrame(), [], [], "")
     with pytest.raises(ArtifactError, match="same made by two sections"):
         save_report(tmp_path, "t", [], [Section("a", [sheet]), Section("b", [sheet])])
     assert list(tmp_path.iterdir()) == []
 
 
 def test_text_is_escaped_and_verdicts_are_shown():
-    sheet = Sheet("t", pd.DataFrame(), ["<x-head>"], [["<x-cell>"]], "<x-caption>")
+    sheet = PageTable("t", pd.DataFrame(), ["<x-head>"], [["<x-cell>"]], "<x-caption>")
     parts = ["<x-words>", Reading("<x-claim>", "<x-ours>", "partly"), sheet, Picture("p", b"png", "<x-figure>")]
     parts.append(Films([("<x-film>", b"mp4", "<x-scene>")]))
     page = render("<x-title>", ["<x-lead>"], [Section("<x-section>", parts, ["<x-command>"])])

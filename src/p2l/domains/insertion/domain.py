@@ -22,12 +22,20 @@ import numpy as np
 from p2l.contracts.domain import Encoding, InsertionView, Progress, Tasks
 from p2l.domains.insertion.demonstration import Demonstration
 from p2l.domains.insertion.features import FEATURE_NAMES
-from p2l.domains.insertion.layouts import board_tasks, sample_board_tasks, sample_grid_tasks
+from p2l.domains.insertion.layouts import (
+    board_tasks,
+    sample_board_tasks,
+    sample_continuous_tasks,
+    sample_grid_tasks,
+)
 from p2l.domains.insertion.physics import InsertionPhysics, is_inserted
 from p2l.domains.insertion.rollouts import Rollouts
 from p2l.domains.insertion.waypoints import WAYPOINTS
 from p2l.records import Array, BoolArray, IntArray
 from p2l.skills.reps import SearchDistribution, update
+
+Layout = Literal["grid", "continuous", "board"]
+NAMES: dict[Layout, str] = {"grid": "insertion", "continuous": "insertion_continuous", "board": "board"}
 
 
 @dataclass(frozen=True)
@@ -48,10 +56,10 @@ class RepsSettings:
 
 @dataclass(frozen=True)
 class InsertionDomain:
-    """Insertion tasks on grid environments (`layout="grid"`) or the peg board (`layout="board"`).
+    """Insertion tasks on grid environments, on the lattice (`layout="grid"`) or off it (`"continuous"`), or the board.
 
     Attributes:
-        layout: which task distribution.
+        layout: which task distribution; `"board"` is the peg board.
         physics: the abstract simulation.
         noise_std: standard deviation of the slot estimate, each of x and y, m (thesis: 0.3 cm).
         layout_seed: makes the four grid environments.
@@ -60,9 +68,11 @@ class InsertionDomain:
         reps: the policy search.
         demonstration: what it starts from.
         nthread: simulator threads.
+        encoding: how the predictor sees a pair of tasks: the thesis's `τ_train − τ_test` (section 3.5.1), or the walls
+            that the lesson can lean on (`p2l.transfer.encodings`).
     """
 
-    layout: Literal["grid", "board"] = "grid"
+    layout: Layout = "grid"
     physics: InsertionPhysics = field(default_factory=InsertionPhysics)
     noise_std: float = 0.003
     layout_seed: int = 0
@@ -71,33 +81,30 @@ class InsertionDomain:
     reps: RepsSettings = field(default_factory=RepsSettings)
     demonstration: Demonstration = field(default_factory=Demonstration)
     nthread: int = 2
+    encoding: Encoding = "difference"
 
     @property
     def name(self) -> str:
         """The registered name."""
-        return "insertion" if self.layout == "grid" else "board"
+        return NAMES[self.layout]
 
     @property
     def feature_names(self) -> tuple[str, ...]:
         """Distances to the next wall in four directions, and the offset of the nearest one."""
         return FEATURE_NAMES
 
-    @property
-    def encoding(self) -> Encoding:
-        """The predictor sees `τ_train − τ_test` (thesis, section 3.5.1)."""
-        return "difference"
-
     def sample_tasks(self, rng: np.random.Generator, n: int) -> Tasks:
         """N tasks from which Algorithm 1 collects its data."""
-        if self.layout == "grid":
-            return sample_grid_tasks(rng, n, self.layout_seed, self.farthest_wall_cm)
-        return sample_board_tasks(rng, n, self.board_distance_m)
+        if self.layout == "board":
+            return sample_board_tasks(rng, n, self.board_distance_m)
+        sample = sample_grid_tasks if self.layout == "grid" else sample_continuous_tasks
+        return sample(rng, n, self.layout_seed, self.farthest_wall_cm)
 
     def sample_set(self, rng: np.random.Generator, n: int) -> Tasks:
         """One planning problem: grid tasks of the same distribution, or n different holes of the board."""
-        if self.layout == "grid":
-            return sample_grid_tasks(rng, n, self.layout_seed, self.farthest_wall_cm)
-        return board_tasks(rng.permutation(len(board_tasks()))[:n])
+        if self.layout == "board":
+            return board_tasks(rng.permutation(len(board_tasks()))[:n])
+        return self.sample_tasks(rng, n)
 
     def demonstrate(self, tasks: Tasks, rng: np.random.Generator) -> Array:
         """[M, P] the waypoints that a person shows on each task: touch, press, come back, search, push."""

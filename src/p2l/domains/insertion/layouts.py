@@ -1,7 +1,10 @@
-"""Where the slots and walls of the insertion tasks are: four grid environments, and the peg board.
+"""Where the slots and walls of the insertion tasks are: four environments, on and off a lattice, and the peg board.
 
 *Grid* (thesis, section 3.5.1): four environments of 20 × 20 cm, each a 4 × 4 grid of 5 cm cells with another number
 of wall segments on the grid's inner edges. A slot lies on a 3 × 3 lattice inside a cell, next to at least one wall.
+
+*Continuous*: the same environments and cells, but a slot lies anywhere in the square that the lattice spans. On the
+lattice most tasks of a day have the features of a task that was collected; here hardly any two are alike.
 
 *Board* (thesis, table 3.1 and figure 3.5): 17 holes in the offset rows of a Chinese-checkers board, seen from above.
 Holes 0–11 lie along the bottom wall, 12–16 along the right wall; neighbours alternate between the far row (even
@@ -35,6 +38,7 @@ NEAR_ROW, FAR_ROW = 0.009, 0.021
 HOLE_PITCH = 0.016
 BOTTOM_HOLES, RIGHT_HOLES = 12, 5
 BOARD_WALL_HALF_LENGTH = 0.15
+_PATIENCE = 10_000  # draws of a slot before there is said to be none
 
 
 def grid_walls(rng: np.random.Generator, count: int) -> Array:
@@ -103,6 +107,23 @@ def sample_grid_tasks(rng: np.random.Generator, n: int, layout_seed: int, farthe
     return make_tasks(names, groups.tolist(), scenes)
 
 
+def sample_continuous_tasks(rng: np.random.Generator, n: int, layout_seed: int, farthest_wall_cm: float) -> Tasks:
+    """N slots drawn uniformly from where cells' middles have a wall face at most `farthest_wall_cm` away.
+
+    Environments are equally likely. What is near enough is found by drawing again, so some wall must be within reach.
+
+    Raises:
+        ConfigError: no slot of an environment was near enough in 10,000 draws.
+    """
+    environments = grid_environments(layout_seed)
+    groups = rng.integers(len(environments), size=n)
+    names, scenes = [], []
+    for row, group in enumerate(groups):
+        names.append(f"env{group}-slot{row}")
+        scenes.append(_near_scene(rng, environments[group], farthest_wall_cm))
+    return make_tasks(names, groups.tolist(), scenes)
+
+
 def sample_board_tasks(rng: np.random.Generator, n: int, distance_m: tuple[float, float]) -> Tasks:
     """N single holes, each at a random distance from one long wall on a random side."""
     sides = rng.integers(len(DIRECTIONS), size=n)
@@ -131,6 +152,17 @@ def board_layout() -> tuple[Array, Array]:
     thin = WALL_HALF_THICKNESS
     walls = np.array([[-0.13, -thin, 0.13, thin], [thin, 0.09, thin, 0.09]])
     return walls, np.concatenate([bottom, right])
+
+
+def _near_scene(rng: np.random.Generator, walls: Array, farthest_wall_cm: float) -> Array:
+    """Walls in the frame of a slot that is drawn until one of them is near."""
+    for _ in range(_PATIENCE):
+        cell = rng.integers(CELLS, size=2)
+        slot = (cell + 0.5 - CELLS / 2) * CELL + rng.uniform(LATTICE[0], LATTICE[-1], size=2)
+        scene = relative_walls(walls, slot)
+        if wall_distances_cm(scene).min() <= farthest_wall_cm:
+            return scene
+    raise ConfigError(f"insertion: no slot has a wall within farthest_wall_cm = {farthest_wall_cm}; give more")
 
 
 def _long_wall(side: int, distance: float) -> Array:

@@ -17,7 +17,7 @@ import numpy as np
 
 from p2l.records import Array, BoolArray, IntArray
 from p2l.team.facility.alarm import Alarm
-from p2l.team.facility.count import Part
+from p2l.team.facility.count import CountCase
 from p2l.team.facility.fixing import Core, fix, shrink
 from p2l.team.facility.local_search import columns_of, descend, open_cost
 from p2l.team.facility.tabu import Walk
@@ -25,6 +25,7 @@ from p2l.team.facility.tree import Tree
 from p2l.team.facility.volume import CLOSED, FREE, OPEN, Bound, raise_bound
 
 _ITERATIONS = 60  # of the volume algorithm per node
+_WIDE, _WIDE_STEP, _STEP = 0.05, 0.1, 0.03  # from this relative gap on, nodes take wide steps
 _ROUNDED_NODES = 20  # these try to improve the plan, afterwards every tenth does
 _WORTH_SHRINKING = 500  # pairs; a smaller instance costs nothing to evaluate
 _WALK = 1e6  # steps of tabu search at a time
@@ -120,7 +121,7 @@ class Search(NamedTuple):
 
 
 def branch_and_bound(
-    root: Core, part: Part, best: Incumbent, target: Target, tree: Tree, walk: Walk, alarm: Alarm
+    root: Core, part: CountCase, best: Incumbent, target: Target, tree: Tree, walk: Walk, alarm: Alarm
 ) -> Search:
     """Search a part for a plan better than the best so far, until proven or until the alarm.
 
@@ -136,6 +137,8 @@ def branch_and_bound(
     frontier = Frontier()
     frontier.push(part.bound.value, part.node, part.bound.multipliers, part.core, 0)
     share, steps, nodes = _walk_share(part.bound.value + part.offset, best.upper), 0.0, 0
+    gap = target.cutoff(best.upper) - part.offset - part.bound.value
+    step = _WIDE_STEP if gap > _WIDE * (part.bound.value + gap) else _STEP
     while frontier:
         if alarm.rang:
             return Search(best, _left(part, frontier, target.cutoff(best.upper), tree), False)
@@ -144,7 +147,8 @@ def branch_and_bound(
         if case.bound >= cutoff:
             continue
         core = case.core
-        case_bound = raise_bound(core.pairs, core.state, case.multipliers, cutoff, _ITERATIONS, flag=alarm.flag)
+        v, state = case.multipliers, core.state
+        case_bound = raise_bound(core.pairs, state, v, cutoff, _ITERATIONS, flag=alarm.flag, step=step)
         tree.price(case.serial, case_bound.multipliers, part.price)
         if nodes < _ROUNDED_NODES or nodes % 10 == 0:
             best = best.or_better(root, core, _rounding(core, case_bound))
@@ -158,7 +162,7 @@ def branch_and_bound(
     return Search(best, target.cutoff(best.upper), True)
 
 
-def _left(part: Part, frontier: Frontier, cutoff: float, tree: Tree) -> float:
+def _left(part: CountCase, frontier: Frontier, cutoff: float, tree: Tree) -> float:
     """The bound that an interrupted search proves.
 
     Where its prices say little about costs, its open nodes are priced once more, in true ones.

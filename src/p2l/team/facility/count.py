@@ -33,7 +33,7 @@ _ITERATIONS = 300  # of the volume algorithm per trial
 _GOLDEN = 0.618034
 
 
-class Part(NamedTuple):
+class CountCase(NamedTuple):
     """A part of the search, in prices of its own.
 
     Attributes:
@@ -67,12 +67,14 @@ def priced(pairs: Pairs, price: float) -> Pairs:
     return pairs._replace(opening=pairs.opening - price, outside=pairs.outside - price)
 
 
-def whole_search(core: Core, bound: Bound, node: int) -> Part:
+def whole_search(core: Core, bound: Bound, node: int) -> CountCase:
     """The one part of a search that is not divided."""
-    return Part(core, bound, 0.0, 0.0, node)
+    return CountCase(core, bound, 0.0, 0.0, node)
 
 
-def count_cases(whole: Part, open_set: BoolArray, upper: float, cutoff: float, tree: Tree, alarm: Alarm) -> list[Part]:
+def count_cases(
+    whole: CountCase, open_set: BoolArray, upper: float, cutoff: float, tree: Tree, alarm: Alarm
+) -> list[CountCase]:
     """The two cases that divide a search at the number of facilities of its plan, or the search itself.
 
     Args:
@@ -105,9 +107,11 @@ def count_cases(whole: Part, open_set: BoolArray, upper: float, cutoff: float, t
         _ITERATIONS,
         flag=alarm.flag,
     )
-    few = Part(few_core, few_bound, fine, (count - 1) * fine, tree.count_case(whole.node, count - 1, is_more=False))
+    few = CountCase(
+        few_core, few_bound, fine, (count - 1) * fine, tree.count_case(whole.node, count - 1, is_more=False)
+    )
     many_core = whole.core._replace(pairs=priced(pairs, price))
-    many = Part(many_core, bound, price, count * price, tree.count_case(whole.node, count - 1, is_more=True))
+    many = CountCase(many_core, bound, price, count * price, tree.count_case(whole.node, count - 1, is_more=True))
     tree.price(many.node, bound.multipliers, price)
     return [few, many]
 

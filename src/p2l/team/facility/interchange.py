@@ -12,7 +12,7 @@ import numpy as np
 from p2l.records import Array, BoolArray
 from p2l.team.facility.alarm import Flag, silent
 from p2l.team.facility.kernel import kernel
-from p2l.team.facility.local_search import Columns, Service, _reassign, _serve, open_cost
+from p2l.team.facility.local_search import Columns, Service, _reassign, _serve, open_cost, relieve
 from p2l.team.facility.pairs import Pairs
 
 
@@ -88,17 +88,7 @@ def _keep_limits(pairs, columns, weights, limits, is_open, used, service):
 @kernel
 def _judge_within(pairs, columns, weights, limits, used, service, j, relief, rivals, is_open):
     """Saving of inserting closed facility j where it fits, and the partner (-1: none) whose drop goes best with it."""
-    gain, count = -pairs.opening[j], 0
-    for p in range(columns.start[j], columns.start[j + 1]):
-        i, cost = columns.demand[p], columns.cost[p]
-        if cost >= service.far[i]:
-            continue
-        k = service.first[i]
-        gain += max(0.0, service.near[i] - cost)
-        if k >= 0:
-            rivals[count] = k
-            count += 1
-            relief[k] += service.far[i] - max(cost, service.near[i])
+    gain, count = relieve(pairs, columns, service, j, relief, rivals)
     saving, partner = 0.0, -1
     fits = _fits(weights, limits, used, j, -1)
     if fits:

@@ -125,10 +125,10 @@ def _reassign(pairs, columns, is_open, service, j):
 
 
 @kernel
-def _judge(pairs, columns, service, j, relief, rivals):
-    """Saving of inserting closed facility j, and the partner (-1: none) whose drop goes best with it.
+def relieve(pairs, columns, service, j, relief, rivals):
+    """Saving of inserting closed facility j, and how many rivals lose something to it, with repetitions.
 
-    `relief` [F], zero on entry and exit, collects what the newcomer takes off each open facility's loss.
+    `relief` [F], zero on entry, collects what the newcomer takes off each open facility's loss; `rivals` names them.
     """
     gain, count = -pairs.opening[j], 0
     for p in range(columns.start[j], columns.start[j + 1]):
@@ -141,6 +141,16 @@ def _judge(pairs, columns, service, j, relief, rivals):
             rivals[count] = k
             count += 1
             relief[k] += service.far[i] - max(cost, service.near[i])
+    return gain, count
+
+
+@kernel
+def _judge(pairs, columns, service, j, relief, rivals):
+    """Saving of inserting closed facility j, and the partner (-1: none) whose drop goes best with it.
+
+    `relief` is zero on entry and exit.
+    """
+    gain, count = relieve(pairs, columns, service, j, relief, rivals)
     saving, partner = gain, -1
     for c in range(count):
         k = rivals[c]

@@ -18,10 +18,11 @@ from p2l.errors import ShapeError
 from p2l.records import Array, BoolArray
 from p2l.team.certificate import EXACT, PROVEN, proven_location_bound
 from p2l.team.contract import check_stopping
+from p2l.team.costs import freeze_cost
 from p2l.team.facility.pairs import Pairs, PairsSolution, of_table, open_for_outside
 from p2l.team.facility.presolve import lagrangian, presolve, solution_cost
 from p2l.team.loading import loaded
-from p2l.team.problem import Certificate, FacilitySolution, freeze_cost, relative_gap
+from p2l.team.problem import Certificate, FacilitySolution, relative_gap
 
 FEW_PAIRS = 1_000  # up to so many HiGHS takes at most 0.35 s; the kernels load in 0.45 s, once per process
 _FINISH = 0.1  # share of the time limit, at most, that is left for the check of what was found

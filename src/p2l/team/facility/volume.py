@@ -50,6 +50,7 @@ def raise_bound(
     iterations: int,
     progress: float = 1e-4,
     flag: Flag | None = None,
+    step: float = _FIRST_STEP,
 ) -> Bound:
     """Improve multipliers [D] by volume iterations.
 
@@ -61,9 +62,10 @@ def raise_bound(
         iterations: at most this many.
         progress: stop when 100 iterations close less than this share of the gap.
         flag: stops them when it is raised.
+        step: the first step, as a share of the way to what a known plan costs.
     """
     flag = silent() if flag is None else flag
-    return Bound(*_ascend(pairs, state, multipliers, upper, _FIRST_STEP, iterations, progress, flag))
+    return Bound(*_ascend(pairs, state, multipliers, upper, step, iterations, progress, flag))
 
 
 def bound_of(pairs: Pairs, state: State, multipliers: Array) -> float:

@@ -20,9 +20,10 @@ from p2l.records import Array, BoolArray, IntArray
 from p2l.team import facility
 from p2l.team.certificate import PROVEN
 from p2l.team.contract import check_stopping
+from p2l.team.costs import LARGEST
 from p2l.team.facility import PairsSolution
 from p2l.team.loading import loaded
-from p2l.team.problem import LARGEST, Certificate, Status, relative_gap
+from p2l.team.problem import Certificate, Status, relative_gap
 from p2l.team.shop.certificate import shop_bound
 from p2l.team.shop.circle import circle_of, sequence_of
 from p2l.team.shop.outcome import ShopOutcome, shop_outcome

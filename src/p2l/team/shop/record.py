@@ -23,7 +23,8 @@ import numpy as np
 
 from p2l.errors import ShapeError
 from p2l.records import Array, BoolArray, IntArray, freeze
-from p2l.team.problem import Certificate, Problem, Status, freeze_cost
+from p2l.team.costs import freeze_cost
+from p2l.team.problem import Certificate, Problem, Status
 
 ShopOrder = Literal["fixed", "any", "partial"]
 SHOP_ORDERS: tuple[str, ...] = ("fixed", "any", "partial")
