@@ -12,6 +12,7 @@ from p2l.errors import ConfigError, InputError
 from p2l.records import Array
 from p2l.schema import CheckPlanConfig, PlanConfig
 from p2l.team.planners import plan
+from p2l.team.sheets import check_standard_input
 from p2l.team.shop import Shop, ShopPlan, plan_shop
 from p2l.team.shop.explain import break_even_rows, explain_shop, reason_rows
 from p2l.team.shop.files import check_shop_place, of_plan, write_shop_plan
@@ -29,6 +30,7 @@ def read_own_tasks(
     """The shop in the files that a configuration names, missing pairs filled as it says."""
     assert cfg.tasks is not None
     assert cfg.transfer is not None
+    check_standard_input(cfg.tasks, cfg.transfer, *cfg.files)
     return read_shop(
         cfg.tasks,
         cfg.transfer,

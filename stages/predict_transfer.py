@@ -20,6 +20,7 @@ def run(cfg: PredictTransferConfig, out: Path, track: Tracker) -> None:
     from p2l.evaluation.transfer.predicted import save_prediction_figure
     from p2l.team import transfer_files as files
     from p2l.team.information import Stake, outlook
+    from p2l.team.sheets import check_standard_input
     from p2l.team.trial_files import read_features, read_orders, read_trials
     from p2l.transfer.few_trials import Prior, Trials
     from p2l.transfer.pair_models import FitSetting
@@ -28,6 +29,7 @@ def run(cfg: PredictTransferConfig, out: Path, track: Tracker) -> None:
     table = out / "transfer.csv"
     for path in (table, *([cfg.out] if cfg.out else [])):
         files.check_output(path, (cfg.features, cfg.trials, cfg.orders))
+    check_standard_input(cfg.features, cfg.trials, cfg.orders)
     tasks = read_features(cfg.features)
     trials = read_trials(cfg.trials, tasks.names, cfg.features) if cfg.trials else Trials.none()
     orders = read_orders(cfg.orders, tasks.names, cfg.features, cfg.order) if cfg.orders else None
@@ -45,9 +47,8 @@ def run(cfg: PredictTransferConfig, out: Path, track: Tracker) -> None:
     save_prediction_figure(out / "transfer.png", prediction, cfg.level)  # whatever can fail comes before the first file
     for path in (table, *([cfg.out] if cfg.out else [])):
         write_text(path, files.transfer_text(prediction, cfg.format))
-    save_json(
-        out / "summary.json", facts := summary_of(prediction, cfg.level), schema="predict_transfer_summary", version=1
-    )
+    facts = summary_of(prediction, cfg.level)
+    save_json(out / "summary.json", facts, schema="predict_transfer_summary", version=1)
     if view is not None:
         write_text(out / "next_trials.csv", files.next_trials_text(view.values, tasks.names, cfg.attempts_each))
     track.metrics({name: facts[name] for name in ("trials", "mean_p", "mean_width")})

@@ -90,17 +90,19 @@ def number(
     column: str | None,
     text: str,
     *,
+    lowest: float = 0.0,
     largest: float = LARGEST,
     empty: float | None = math.inf,
     never: bool = True,
 ) -> float:
-    """A cost or another number that is not negative: 95, 1e3, 1'234.5, or 1.234,5 where the file has decimal commas.
+    """A cost or another number: 95, 1e3, 1'234.5, or 1.234,5 where the file has decimal commas.
 
     Args:
         sheet: which the cell is of.
         line: of the cell.
         column: of the cell, as written in the header; None if it has no name.
         text: the cell.
+        lowest: that is allowed.
         largest: that is allowed.
         empty: value of an empty cell; None refuses it.
         never: whether inf, ∞, never and - are allowed; all are infinite.
@@ -113,11 +115,16 @@ def number(
     if not text and empty is not None:
         return empty
     what = f"a cost of at least 0 and at most {_short(largest)}, or inf for never"
-    what = what if never else f"a number from 0 to {_short(largest)}"
+    what = what if never else f"a number from {_short(lowest)} to {_short(largest)}"
     value = _value(sheet, line, column, text, what)
-    if not (0.0 <= value <= largest and math.isfinite(value)):
+    if not (lowest <= value <= largest and math.isfinite(value)):
         raise InputError.at(sheet.name, line, column, f"{quoted(text)} is not allowed; give {what}")
     return value + 0.0  # no -0.0
+
+
+def is_number(text: str) -> bool:
+    """Whether a cell is a number, of any sign, if its comma or its point is the decimal one."""
+    return any(_reading(text.replace("−", "-"), comma, False) is not None for comma in (False, True))
 
 
 def probability(sheet: Sheet, line: int, column: str | None, text: str, *, empty: float | None = None) -> float:

@@ -20,7 +20,16 @@ from p2l.errors import InputError
 from p2l.team.cells import Sheet, decimal_mark, flag, number, probability, quoted, whole_number
 from p2l.team.workbooks import Row, workbook_rows
 
-__all__ = ["STANDARD_INPUT", "Sheet", "flag", "number", "probability", "read_sheet", "whole_number"]
+__all__ = [
+    "STANDARD_INPUT",
+    "Sheet",
+    "check_standard_input",
+    "flag",
+    "number",
+    "probability",
+    "read_sheet",
+    "whole_number",
+]
 
 STANDARD_INPUT = "-"
 _MARKS = {",": "commas", ";": "semicolons", "\t": "tabs", "|": "'|'"}
@@ -39,6 +48,16 @@ _OTHERS = {
     b"\x89PNG": "a picture",
     b"{\\rtf": "a text document",
 }
+
+
+def check_standard_input(*paths: Path | str | None) -> None:
+    """Refuse tables of which more than one is to come by standard input.
+
+    Raises:
+        InputError: there are such.
+    """
+    if sum(str(each) == STANDARD_INPUT or str(each).startswith(f"{STANDARD_INPUT}#") for each in paths) > 1:
+        raise InputError.at("standard input", None, None, "can be read once; give files for the other tables")
 
 
 def read_sheet(path: Path | str) -> Sheet:

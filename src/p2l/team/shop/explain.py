@@ -84,14 +84,20 @@ def proof_of(plan: ShopPlan) -> str:
 
 
 def served(shop: Shop, reason: LessonReason, most: int = _NAMES) -> str:
-    """Names of the groups that a lesson serves, copies as ×k."""
-    task, size = shop.groups
-    names = [
-        printable(shop.tasks[int(task[g])], lines=False) + (f" ×{int(size[g])}" if size[g] > 1 else "")
-        for g in reason.serves.tolist()
-    ]
+    """Names of the tasks that a lesson serves, copies as ×k."""
+    names = [printable(name, lines=False) for name in tasks_of(shop, reason)]
     more = f" and {len(names) - most} more" if len(names) > most else ""
     return ", ".join(names[:most]) + more or "itself only"
+
+
+def tasks_of(shop: Shop, reason: LessonReason) -> list[str]:
+    """Tasks that a lesson serves, each once, with ×k for k copies."""
+    task, size = shop.groups
+    copies: dict[int, int] = {}
+    for group in reason.serves.tolist():
+        each = int(task[group])
+        copies[each] = copies.get(each, 0) + int(size[group])
+    return [shop.tasks[each] + (f" ×{count}" if count > 1 else "") for each, count in copies.items()]
 
 
 def _row(shop: Shop, reason: LessonReason) -> tuple[str, ...]:

@@ -16,6 +16,7 @@ from p2l.artifacts import finite, load_arrays, save_arrays, write_text
 from p2l.errors import ArtifactError, InputError, ShapeError
 from p2l.team.plan_files import read_plan
 from p2l.team.problem import Certificate, Decision, Plan, Status
+from p2l.team.shop.explain import tasks_of
 from p2l.team.shop.reasons import Reasons
 from p2l.team.shop.record import SHOP_ORDERS, Shop, ShopCertificate, ShopPlan
 from p2l.team.shop.rows import plan_rows
@@ -94,12 +95,13 @@ def columns_of(shop: Shop) -> list[str]:
 
 
 def table_text(shop: Shop, plan: ShopPlan, extra: Mapping[str, tuple[str, ...]] | None = None) -> str:
-    """`plan.csv`: `named_rows`, then a person's own columns [n cells by name]."""
+    """`plan.csv`: `named_rows`, then a person's own columns [n cells by name]; one that is named as ours says so."""
     columns, more = columns_of(shop), dict(extra or {})
     place = {name: index for index, name in enumerate(shop.tasks)}
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow([*columns, *more])
+    taken = {*_FIRST, "count", "decision", "robot", *_LAST}
+    writer.writerow([*columns, *(f"{name} (given)" if name in taken else guarded_cell(name) for name in more)])
     for row in named_rows(shop, plan):
         cells = [f"{row[name]:.12g}" if name in _LAST[1:] else guarded_cell(str(row[name])) for name in columns]
         at = place.get(row["task"])
@@ -118,26 +120,16 @@ def write_shop_plan(
 ) -> None:
     """Write `plan.csv`, `plan.json`, `certificate.npz` and `reasons.csv`; the caller has checked the place."""
     out = Path(folder)
-    counts = {f"n_{kind.name.lower()}": _copies(shop, plan, kind) for kind in Decision}
     summary = {
         "planner": plan.planner,
-        "order": shop.order,
         "status": plan.status,
         "objective": finite(plan.objective),
         "lower_bound": finite(plan.lower_bound),
         "gap": finite(plan.gap),
         "seconds": finite(plan.seconds),
-        "n_tasks": int(shop.count.sum()),
-        **counts,
         "without_lessons": finite(reasons.alone),
-        "max_lessons": finite(shop.max_lessons),
-        "max_teaching": finite(shop.max_teaching),
         "remarks": list(remarks),
-        "lessons": [
-            {"lesson": shop.lessons[each], "robot": shop.robots[r], "c_demo": float(shop.c_demo[r, each])}
-            for each, r in plan.taught.tolist()
-        ],
-        "plan": named_rows(shop, plan),
+        **_summed_up(shop, plan),
         "groups": {name: getattr(plan, name).tolist() for name in _GROUPS},
     }
     facts = json.dumps(summary, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
@@ -155,9 +147,8 @@ def reasons_text(shop: Shop, reasons: Reasons) -> str:
     writer = csv.writer(text, lineterminator="\n")
     names = ["lesson", "robot", "given", "c_demo", "serves", "saving", "saving_others_fixed", "given_below"]
     writer.writerow(names)
-    task, size = shop.groups
     for each in reasons.lessons:
-        users = "; ".join(_copies_of(shop.tasks[int(task[g])], int(size[g])) for g in each.serves.tolist())
+        users = "; ".join(tasks_of(shop, each))
         numbers = (each.saving, each.saving_others_fixed, each.stays_up_to)
         head = [guarded_cell(shop.lessons[each.lesson]), guarded_cell(shop.robots[each.robot]), "yes"]
         writer.writerow([*head, _number(each.c_demo), guarded_cell(users), *map(_number, numbers)])
@@ -186,12 +177,15 @@ def read_shop_plan(folder: Path | str, shop: Shop, extra: Mapping[str, tuple[str
             gap=_float(summary, "gap"), seconds=_float(summary, "seconds"), certificate=_read_proof(out / PROOF),
             **groups,
         )  # fmt: skip
-        if len(plan.sequence) != len(shop.groups[0]) or summary["plan"] != named_rows(shop, plan):
+        if len(plan.sequence) != len(shop.groups[0]):
             raise ValueError("its tasks are others")
+        for name, truth in _summed_up(shop, plan).items():
+            if summary[name] != truth:
+                raise ValueError(f"its '{name}' is not what these tasks and its decisions give")
     except (KeyError, ValueError, TypeError, AttributeError, IndexError, ShapeError, OverflowError) as error:
         raise InputError.at(out / SUMMARY, None, None, f"is no plan of these tasks ({error}); plan again") from error
     try:
-        text = (out / TABLE).read_text(encoding="utf-8")
+        text = (out / TABLE).read_bytes().decode()  # line breaks in a person's cells stay as they are
     except (OSError, UnicodeDecodeError) as error:
         raise ArtifactError(f"{out / TABLE}: cannot be read as a plan ({error}); plan again") from error
     if text != table_text(shop, plan, extra):
@@ -231,6 +225,22 @@ def settings_of(folder: Path | str) -> tuple[Literal["fixed", "any"], float | No
     return "any" if summary["order"] == "any" else "fixed", limits[0], limits[1]
 
 
+def _summed_up(shop: Shop, plan: ShopPlan) -> dict[str, Any]:
+    """What of `plan.json` follows from the shop and the decisions."""
+    return {
+        "order": shop.order,
+        "n_tasks": int(shop.count.sum()),
+        **{f"n_{kind.name.lower()}": _copies(shop, plan, kind) for kind in Decision},
+        "max_lessons": finite(shop.max_lessons),
+        "max_teaching": finite(shop.max_teaching),
+        "lessons": [
+            {"lesson": shop.lessons[each], "robot": shop.robots[r], "c_demo": float(shop.c_demo[r, each])}
+            for each, r in plan.taught.tolist()
+        ],
+        "plan": named_rows(shop, plan),
+    }
+
+
 def _arrays(proof: ShopCertificate) -> dict[str, Any]:
     arrays: dict[str, Any] = {name: np.asarray(getattr(proof, name)) for name in ("parent", "lesson", "group")}
     for number, leaf in enumerate(proof.leaf):
@@ -262,10 +272,6 @@ def _read_proof(path: Path) -> ShopCertificate | None:
 def _copies(shop: Shop, plan: ShopPlan, kind: Decision) -> int:
     _, size = shop.groups
     return int(size[plan.decision == kind].sum())
-
-
-def _copies_of(name: str, count: int) -> str:
-    return f"{name} ×{count}" if count > 1 else name
 
 
 def _number(value: float) -> str:

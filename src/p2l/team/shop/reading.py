@@ -16,7 +16,7 @@ import numpy as np
 from p2l.errors import ConfigError, InputError, ShapeError
 from p2l.records import Array, BoolArray, freeze
 from p2l.team.columns import likeness
-from p2l.team.sheets import STANDARD_INPUT, read_sheet
+from p2l.team.sheets import check_standard_input, read_sheet
 from p2l.team.shop.lessons import TransferTable, open_table
 from p2l.team.shop.measurements import Measured, read_probabilities
 from p2l.team.shop.orders import Orders, listed, read_orders
@@ -99,8 +99,7 @@ def read_shop(
         ([[0.9, 0.5], [0.0, 1.0]], ('1 of 3 pairs has no value in transfer.csv; taken as 0 (fill=0)',))
     """
     _check_settings(order, max_lessons, max_teaching, fill)
-    if sum(str(each) == STANDARD_INPUT for each in (orders, transfer, before, robots)) > 1:
-        raise InputError.at("standard input", None, None, "can be read once; give files for the other tables")
+    check_standard_input(orders, transfer, before, robots)
     today = read_orders(read_sheet(orders))
     table = open_table(None if transfer is None else read_sheet(transfer), today)
     known = set(today.tasks)

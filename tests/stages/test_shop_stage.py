@@ -1,0 +1,171 @@
+"""The stages from a person's tables to a plan that is checked: copies, robots, a partial order, limits, gaps."""
+
+import csv
+import importlib
+import json
+from pathlib import Path
+
+import pytest
+
+from examples.shop import make
+
+SHOP = {name: f"{make.__file__.rpartition('/')[0]}/{name}.csv" for name in ("features", "trials", "orders", "before")}
+ORDERS = """Task;C_rob;C_hum;C_fail;C_demo;Count;Decision;Bay
+gear;10;100;100;120;1;;A
+cog;10;100;100;130;1;delegate;B
+lid;10;100;100;200;5;;C
+nut;1,5;100;100;200;1;act;D
+"""  # of an Excel with decimal commas
+TRANSFER = "taught,tested,p\ngear,lid,0.9\ncog,lid,0.85\ngear,nut,0.9\nlid,nut,0.2\n"
+BEFORE = "before,after\nlid,nut\n"
+ROBOTS = "robot,c_rob,c_demo\nPanda,,\nAda,5,never\n"
+FEATURES = "task;mm;family\ngear;10;wheel\ncog;9,5;wheel\nlid;80;cover\nnut;3,5;nut\n"
+TRIALS = "taught\ttested\tsuccesses\tattempts\ngear\tlid\t4\t5\ncog\tlid\t3\t5\n"
+FILES = {
+    "orders": ORDERS, "transfer": TRANSFER, "before": BEFORE, "robots": ROBOTS, "features": FEATURES, "trials": TRIALS,
+    "few": "task,c_rob,c_hum,c_fail,c_demo\ngear,10,100,100,120\nlid,10,100,100,200\n",
+    "square": "task,gear,lid\ngear,1,0.9\nlid,0,1\n",
+    "must": "task,c_rob,c_hum,c_fail,c_demo,decision\ngear,10,100,100,120,learn\nlid,10,100,100,200,learn\n",
+    "circle": "before,after\nlid,nut\nnut,lid\n",
+}  # fmt: skip
+OWN = ("tasks=orders.csv", "transfer=transfer.csv")
+ALL = ("before=before.csv", "robots=robots.csv", "fill=0")
+
+
+@pytest.fixture
+def stage(tmp_path, monkeypatch, capsys):
+    """Run a stage in a folder with these files; gives exit code and what it printed."""
+    for name, text in FILES.items():
+        (tmp_path / f"{name}.csv").write_text(text, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("HYDRA_FULL_ERROR", "1")
+
+    def run(name, *words, out="out"):
+        monkeypatch.setattr("sys.argv", [name, *words, "tracking=disabled", f"hydra.run.dir={tmp_path / out}"])
+        with pytest.raises(SystemExit) as left:
+            importlib.import_module(f"stages.{name}").run()
+        return left.value.code, capsys.readouterr()
+
+    return run
+
+
+def rows_of(path):
+    with path.open(encoding="utf-8", newline="") as stream:
+        return list(csv.DictReader(stream))
+
+
+def test_a_day_with_everything_is_planned_and_checked(stage, tmp_path):
+    """Panda is taught the gear (120), does five lids for 20 each and the nut for 1.5 + 0.1 · 100; the cog costs 100."""
+    code, told = stage("plan", *OWN, *ALL, "max_lessons=1")
+    assert code == 0, told.err
+    rows = rows_of(tmp_path / "out/plan.csv")
+    assert list(rows[0]) == [
+        "order",
+        "task",
+        "count",
+        "decision",
+        "robot",
+        "skill",
+        "p_success",
+        "expected_cost",
+        "Bay",
+    ]
+    day = {row["task"]: row for row in rows}
+    assert [day["gear"][name] for name in ("decision", "robot", "expected_cost", "Bay")] == [
+        "learn",
+        "Panda",
+        "120",
+        "A",
+    ]
+    assert [day["cog"][name] for name in ("decision", "robot", "expected_cost")] == ["delegate", "", "100"]
+    assert [day["lid"][name] for name in ("decision", "robot", "skill", "count", "expected_cost")] == [
+        "act", "Panda", "gear", "5", "100",
+    ]  # fmt: skip
+    assert [day["nut"][name] for name in ("decision", "robot", "expected_cost")] == ["act", "Panda", "11.5"]
+    assert int(day["gear"]["order"]) < int(day["lid"]["order"]) < int(day["nut"]["order"])
+    assert "Note: " in told.out
+    assert "fill=0" in told.out
+    assert "Expected cost 331.5 (proven optimal)" in told.out
+    assert {path.name for path in (tmp_path / "out").iterdir()} >= {
+        "plan.csv", "plan.json", "plan.html", "plan.png", "reasons.csv", "certificate.npz",
+    }  # fmt: skip
+    assert json.loads((tmp_path / "out/plan.json").read_text())["max_lessons"] == 1.0
+
+    code, told = stage("check_plan", *OWN, *ALL, "plan=out", out="checked")
+    assert code == 0, told.err
+    assert "8 tasks, order partial; costs 331.5; no plan costs less than 331.5: optimal" in told.out
+    for old, new in ((";5;;C", ";4;;C"), ("cog;10;100", "cog;10;101"), (";120;", ";119;"), ("nut", "bolt")):
+        (tmp_path / "orders.csv").write_text(ORDERS.replace(old, new))
+        code, told = stage("check_plan", *OWN, *ALL, "plan=out", out="checked")
+        assert (code, "Traceback" in told.err, told.out) == (2, False, ""), new
+    (tmp_path / "orders.csv").write_text(ORDERS)
+    for words in (ALL[:2], ALL[1:], (ALL[0], ALL[2])):
+        code, told = stage("check_plan", *OWN, *words, "plan=out", out="checked")
+        assert (code, "Traceback" in told.err, told.out) == (2, False, ""), words
+
+
+def test_pairs_that_nobody_tried_are_predicted(stage, tmp_path):
+    words = (*OWN, "features=features.csv", "trials=trials.csv")
+    code, told = stage("plan", *words)
+    assert code == 0, told.err
+    assert "has no value in transfer.csv; predicted" in told.out
+    code, told = stage("check_plan", *words, "plan=out", out="checked")
+    assert code == 0, told.err
+    assert ": optimal." in told.out
+
+
+@pytest.mark.parametrize(
+    ("words", "parts"),
+    [
+        ((*OWN, *ALL, "order=any"), ("order=any and before=", "leave one out")),
+        ((*OWN, "fill=0", "planner=facility"), ("planner=facility", "use planner=auto")),
+        ((*OWN, "fill=0", "planner=gut_feeling"), ("gut_feeling", "auto")),
+        (OWN, ("transfer.csv", "has no value for", "fill=0", "features=")),
+        ((*OWN, "fill=2"), ("fill",)),
+        ((*OWN, "fill=0", "max_lessons=-1"), ("max_lessons",)),
+        (("tasks=must.csv", "transfer=square.csv", "max_lessons=1"), ("no plan keeps the limits and the decisions",)),
+        (("tasks=must.csv", "transfer=square.csv", "max_teaching=300"), ("no plan keeps the limits",)),
+        ((*OWN, "fill=0", "before=circle.csv"), ("circle", "lid", "nut")),
+        ((*OWN, "fill=0", "robots=features.csv"), ("features.csv", "column 'robot'")),
+        ((*OWN, "features=features.csv", "trials=transfer.csv"), ("transfer.csv", "expected taught,tested,successes")),
+        (("tasks=-", "transfer=transfer.csv", "features=-"), ("standard input", "can be read once")),
+        (("tasks=few.csv", "transfer=square.csv", "features=nowhere.csv"), ("nowhere.csv", "no such file")),
+        (("before=before.csv",), ("before", "only for your own tasks")),
+        (("tasks=orders.csv",), ("transfer is missing",)),
+    ],
+)
+def test_a_mistake_is_one_message_and_nothing_is_written(stage, tmp_path, words, parts):
+    code, told = stage("plan", *words)
+    assert code == 2
+    assert "Traceback" not in told.err
+    for part in parts:
+        assert part in told.err
+    assert not (tmp_path / "out").exists()
+
+
+def test_the_help_fits_a_screen(stage):
+    code, told = stage("plan", "--help")
+    lines = told.out.splitlines()
+    assert code == 0
+    assert len(lines) <= 40
+    assert max(map(len, lines)) <= 120
+    for name in ("before=", "robots=", "fill=", "features=", "max_lessons=", "max_teaching=", "decision", "count"):
+        assert name in told.out
+
+
+def test_the_example_s_shop_from_trials_to_a_plan_that_is_checked(stage, tmp_path):
+    code, told = stage(
+        "predict_transfer", *(f"{name}={SHOP[name]}" for name in ("features", "trials")), "out=table.csv", out="table"
+    )
+    assert code == 0, told.err
+    words = (f"tasks={SHOP['orders']}", "transfer=table.csv", f"before={SHOP['before']}")
+    code, told = stage("plan", *words)
+    assert code == 0, told.err
+    assert "proven optimal" in told.out
+    tasks = [row["task"] for row in rows_of(tmp_path / "out/plan.csv")]
+    for row in rows_of(Path(SHOP["before"])):
+        assert row["before"] not in tasks or tasks.index(row["before"]) < tasks.index(row["after"])
+    code, told = stage("check_plan", *words, "plan=out", out="checked")
+    assert code == 0, told.err
+    assert "order partial" in told.out
+    assert ": optimal." in told.out
