@@ -20,7 +20,7 @@ from p2l.artifacts import atomic, load_json, load_table, write_text
 from p2l.contracts.domain import Domain
 from p2l.domains.table import make_domain
 from p2l.evaluation.style import png
-from p2l.evaluation.team.predictors import Variant, comparison, further_rows, predictor_figure
+from p2l.evaluation.team.predictors import PredictorVariant, comparison, further_rows, predictor_figure
 from p2l.evaluation.team.tables import HIGH
 from p2l.evaluation.transfer.planned import planned_predictions
 from p2l.evaluation.transfer.scores import Predictions, records, score_table
@@ -43,7 +43,7 @@ NAMES = {
 FURTHER = VARIANTS[2:]  # in the tables that the thesis's encoding has already
 
 
-def variants_of(work: Path, ledger: Path, domain: str) -> list[Variant]:
+def variants_of(work: Path, ledger: Path, domain: str) -> list[PredictorVariant]:
     """The results of every variant, with scores on the pairs of its own plans and of the first variant's."""
     own = load_plans(work, domain, *VARIANTS[0])
     variants = []
@@ -69,7 +69,7 @@ def variants_of(work: Path, ledger: Path, domain: str) -> list[Variant]:
             scores = [row for row in held_out if row["method"] == "model"] + scores
         results = load_table(folder / "results.parquet", schema="team_results", version=1)
         summary = load_table(folder / "summary.parquet", schema="team_summary", version=1)
-        variants.append(Variant(encoding, skills, results, summary, scores))
+        variants.append(PredictorVariant(encoding, skills, results, summary, scores))
     return variants
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from p2l.evaluation.rows import COLUMNS
 from p2l.evaluation.team.metrics import summarise
-from p2l.evaluation.team.predictors import Variant, comparison, further_rows, predictor_figure
+from p2l.evaluation.team.predictors import PredictorVariant, comparison, further_rows, predictor_figure
 from p2l.evaluation.transfer.planned import planned_predictions
 from p2l.team.execute import Truth
 from tests.evaluation.team.team_results import results
@@ -22,7 +22,7 @@ def variant(encoding, skills, costs):
         for level in LEVELS
     ]
     frame = pd.concat(frames, ignore_index=True)
-    return Variant(encoding, skills, frame, summarise(frame), [SCORE])
+    return PredictorVariant(encoding, skills, frame, summarise(frame), [SCORE])
 
 
 @pytest.fixture

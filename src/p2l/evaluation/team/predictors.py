@@ -26,7 +26,7 @@ TRUTH_COLOUR = "#555555"
 
 
 @dataclass(frozen=True)
-class Variant:
+class PredictorVariant:
     """One predictor's results.
 
     Attributes:
@@ -49,7 +49,7 @@ class Variant:
         return f"predictor={self.encoding};skills={self.skills}"
 
 
-def comparison(domain: str, variants: Sequence[Variant]) -> pd.DataFrame:
+def comparison(domain: str, variants: Sequence[PredictorVariant]) -> pd.DataFrame:
     """ADL with each variant and with the truth; the first variant is the one that the others are compared with.
 
     `executed_saving` is the first variant's executed cost minus this one's, `executed_price` this one's minus that of
@@ -81,7 +81,7 @@ def comparison(domain: str, variants: Sequence[Variant]) -> pd.DataFrame:
     return table_of(rows).assign(thesis=np.nan)
 
 
-def further_rows(variant: Variant, regime: str | None = None) -> pd.DataFrame:
+def further_rows(variant: PredictorVariant, regime: str | None = None) -> pd.DataFrame:
     """Rows of all methods but the truth's for a table of costs against pre-training, of one regime or of both.
 
     Their settings are those of figure 3.7 (one regime) or 3.10 (both), with the variant's added.
@@ -98,7 +98,9 @@ def further_rows(variant: Variant, regime: str | None = None) -> pd.DataFrame:
     return table_of(table).assign(thesis=np.nan)
 
 
-def predictor_figure(domains: Mapping[str, Sequence[Variant]], regime: str, names: Mapping[str, str]) -> Figure:
+def predictor_figure(
+    domains: Mapping[str, Sequence[PredictorVariant]], regime: str, names: Mapping[str, str]
+) -> Figure:
     """Executed cost of ADL against pre-training with each variant and with the truth, a panel for each domain.
 
     Args:
@@ -131,15 +133,15 @@ def predictor_figure(domains: Mapping[str, Sequence[Variant]], regime: str, name
     return figure
 
 
-def _means(variant: Variant, method: str, setting: str, regime: str, level: int) -> list[Row]:
+def _means(variant: PredictorVariant, method: str, setting: str, regime: str, level: int) -> list[Row]:
     case = _case(variant, method, regime, level)
     return [interval_row(method, setting, metric, t_interval(case[metric].to_numpy(dtype=float))) for metric in METRICS]
 
 
-def _costs(variant: Variant, method: str, regime: str, level: int) -> Array:
+def _costs(variant: PredictorVariant, method: str, regime: str, level: int) -> Array:
     return np.asarray(_case(variant, method, regime, level)["executed_cost"].to_numpy(dtype=float))
 
 
-def _case(variant: Variant, method: str, regime: str, level: int) -> pd.DataFrame:
+def _case(variant: PredictorVariant, method: str, regime: str, level: int) -> pd.DataFrame:
     rows = variant.results
     return rows[(rows["method"] == method) & (rows["regime"] == regime) & (rows["level"] == level)].sort_values("set")
