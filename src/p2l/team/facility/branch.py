@@ -28,7 +28,7 @@ _ITERATIONS = 60  # of the volume algorithm per node
 _WIDE, _WIDE_STEP, _STEP = 0.05, 0.1, 0.03  # from this relative gap on, nodes take wide steps
 _ROUNDED_NODES = 20  # these try to improve the plan, afterwards every tenth does
 _WORTH_SHRINKING = 500  # pairs; a smaller instance costs nothing to evaluate
-_WALK = 1e6  # steps of tabu search at a time
+_WALK = 4e6  # steps of tabu search at a time
 _MEMORY = 1_000_000_000  # bytes of open nodes; beyond, the search goes depth first
 _MARGIN = 5e-10  # relative: half of what the certificate grants, the rest is for rounding
 
@@ -179,7 +179,7 @@ def _left(part: CountCase, frontier: Frontier, cutoff: float, tree: Tree) -> flo
 
 def _walk_share(lower: float, upper: float) -> float:
     """Steps of tabu search per pair and iteration of the bound: more of them where a better plan is likely."""
-    return min(0.3, max(0.02, 2.0 * (upper - lower) / upper)) if upper > 0.0 else 0.0
+    return min(1.0, max(0.02, 4.0 * (upper - lower) / upper)) if upper > 0.0 else 0.0
 
 
 def _rounding(core: Core, bound: Bound) -> BoolArray:

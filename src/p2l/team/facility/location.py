@@ -25,7 +25,7 @@ from p2l.team.loading import loaded
 from p2l.team.problem import Certificate, FacilitySolution, relative_gap
 
 FEW_PAIRS = 1_000  # up to so many HiGHS takes at most 0.35 s; the kernels load in 0.45 s, once per process
-_FINISH = 0.1  # share of the time limit, at most, that is left for the check of what was found
+_FINISH = 0.2  # share of the time limit, at most, that is left for the check of what was found
 
 
 def solve_facility_location(
