@@ -28,6 +28,7 @@ _ITERATIONS = 60  # of the volume algorithm per node
 _WIDE, _WIDE_STEP, _STEP = 0.05, 0.1, 0.03  # from this relative gap on, nodes take wide steps
 _ROUNDED_NODES = 20  # these try to improve the plan, afterwards every tenth does
 _WORTH_SHRINKING = 500  # pairs; a smaller instance costs nothing to evaluate
+_READ = 10  # pairs of a demand that an iteration reads, about, where it has many
 _WALK = 4e6  # steps of tabu search at a time
 _MEMORY = 1_000_000_000  # bytes of open nodes; beyond, the search goes depth first
 _MARGIN = 5e-10  # relative: half of what the certificate grants, the rest is for rounding
@@ -153,7 +154,7 @@ def branch_and_bound(
         if nodes < _ROUNDED_NODES or nodes % 10 == 0:
             best = best.or_better(root, core, _rounding(core, case_bound))
         nodes += 1
-        steps += share * _ITERATIONS * len(core.pairs.cost)
+        steps += share * _ITERATIONS * min(len(core.pairs.cost), _READ * core.pairs.demands)
         if steps >= _WALK:
             best, steps = best.after(walk, steps, alarm), 0.0
         cutoff = target.cutoff(best.upper) - part.offset
@@ -178,7 +179,7 @@ def _left(part: CountCase, frontier: Frontier, cutoff: float, tree: Tree) -> flo
 
 
 def _walk_share(lower: float, upper: float) -> float:
-    """Steps of tabu search per pair and iteration of the bound: more of them where a better plan is likely."""
+    """Steps of tabu search per pair that the bound reads: more of them where a better plan is likely."""
     return min(1.0, max(0.02, 4.0 * (upper - lower) / upper)) if upper > 0.0 else 0.0
 
 
