@@ -97,10 +97,16 @@ def replace_rows(path: Path, rows: pd.DataFrame) -> None:
     write_text(path, "".join(kept) + rows.to_csv(index=False, header=False, float_format="%.6g"))
 
 
+def is_there(work: Path, domain: str) -> bool:
+    """Whether all variants of a domain have been executed; a domain that is still in work has no rows yet."""
+    places = [work / "evaluate_team" / f"{domain}-{encoding}-{skills}" for encoding, skills in VARIANTS]
+    return all((place / "results.parquet").is_file() for place in places)
+
+
 def main(work: Path, results: Path) -> None:
     """Read `work`, write to `results`."""
     tables = results / "tables"
-    found = {domain: variants_of(work, results / "records", domain) for domain in DOMAINS}
+    found = {domain: variants_of(work, results / "records", domain) for domain in DOMAINS if is_there(work, domain)}
     everything = pd.concat([comparison(domain, variants) for domain, variants in found.items()], ignore_index=True)
     with atomic(tables / "predictor_3.csv") as temporary:
         everything.to_csv(temporary, index=False, float_format="%.6g")
