@@ -58,7 +58,11 @@ def plan_own_tasks(cfg: PlanConfig, out: Path, track: Tracker) -> None:
     save_shop_figure(out / "plan.png", shop, day)  # whatever can fail comes before the first table
     picture = (out / "plan.png").read_bytes()
     why, near = reason_rows(shop, reasons), break_even_rows(shop, reasons)
-    write_page(out / "plan.html", shop, day, why, reading.remarks, picture, cfg.subject, break_even=near)
+    alone = None if math.isnan(reasons.alone) else reasons.alone
+    write_page(
+        out / "plan.html", shop, day, why, reading.remarks, picture, cfg.subject,
+        break_even=near, without_lessons=alone,
+    )  # fmt: skip
     write_shop_plan(out, shop, day, reasons, extra=reading.extra, remarks=reading.remarks)
     track.metrics({"objective": day.objective, "lower_bound": day.lower_bound, "seconds": day.seconds})
     for name in ("plan.png", "plan.html"):

@@ -331,3 +331,11 @@ def test_a_lesson_without_which_nothing_goes_is_needed_and_no_time_is_said():
     hurried = explain_shop(shop, made, reasons_of(shop, made, time_limit_s=0.0))
     assert "without any lesson not known" in hurried
     assert "no time to solve again for 3 lessons" in hurried
+
+
+@pytest.mark.parametrize("name", ["reasons.csv", "plan.html", "plan.json", "certificate.npz"])
+def test_a_file_of_ours_by_name_alone_is_not_overwritten(tmp_path, name):
+    """A person's own reasons.csv was gone after a plan was written beside it."""
+    (tmp_path / name).write_text("mine")
+    with pytest.raises(ArtifactError, match="without a plan of ours beside it; name another folder"):
+        check_shop_place(tmp_path)

@@ -150,11 +150,11 @@ class FitTransferConfig(ArchivedDomainConfig):
 class ShopFiles(ConfigSection):
     """Files of a person's own tasks besides orders and transfer, and what fills the pairs that these leave open."""
 
-    before: Path | None
-    robots: Path | None
-    fill: Probability | None
-    features: Path | None
-    trials: Path | None
+    before: Path | None = None
+    robots: Path | None = None
+    fill: Probability | None = None
+    features: Path | None = None
+    trials: Path | None = None
 
     @property
     def files(self) -> tuple[Path, ...]:
@@ -175,10 +175,10 @@ class PlanConfig(StudyStageConfig, ShopFiles):
     transfer_data: Path
     records: Path | None
     planner: str
-    order: Literal["fixed", "any"] | None
-    max_lessons: NotNegative | None
-    max_teaching: NotNegative | None
-    reasons_s: NotNegative
+    order: Literal["fixed", "any"] | None = None
+    max_lessons: NotNegative | None = None
+    max_teaching: NotNegative | None = None
+    reasons_s: NotNegative = 10.0
     time_limit_s: Positive
     gap: NotNegative
     theta: Probability

@@ -49,13 +49,17 @@ def write_page(
     title: str,
     *,
     break_even: Sequence[Mapping[str, Any]] = (),
+    without_lessons: float | None = None,
 ) -> None:
     """Write the page of a plan, atomically; see `plan_page`.
 
     Raises:
         ArtifactError: the file cannot be written.
     """
-    page = plan_page(shop, plan, reasons_rows, remarks, figure_png_bytes, title, break_even=break_even)
+    page = plan_page(
+        shop, plan, reasons_rows, remarks, figure_png_bytes, title,
+        break_even=break_even, without_lessons=without_lessons,
+    )  # fmt: skip
     write_text(path, page)
 
 
@@ -68,6 +72,7 @@ def plan_page(
     title: str,
     *,
     break_even: Sequence[Mapping[str, Any]] = (),
+    without_lessons: float | None = None,
 ) -> str:
     """The page of a plan, as HTML.
 
@@ -82,6 +87,8 @@ def plan_page(
         title: heading.
         break_even: lessons that are not given, the best first: `lesson`, `robot`, `c_demo`, and `pays_below`, the
             cost below which the lesson would pay.
+        without_lessons: optimum without any lesson, infinite if there is none; if it is not known, the cost of this
+            plan without its lessons, those that are demanded included.
     """
     rows = plan_rows(shop, plan)
     heading = word(title) or "Plan"
@@ -93,7 +100,7 @@ def plan_page(
             'to the tasks that it serves; bars are expected costs. The table below has the same."></figure>'
         )
     sections = [
-        _headline(shop, plan, rows),
+        _headline(shop, plan, rows, cost_without_lessons(shop, plan) if without_lessons is None else without_lessons),
         figure,
         _section("The day, in order", _day(shop, rows)),
         _section("Lessons, and why they pay", _lessons(shop, plan, reasons_rows, break_even)),
@@ -115,8 +122,7 @@ def cost_without_lessons(shop: Shop, plan: ShopPlan) -> float:
     return shop_outcome(replace(shop, choice=choice), np.zeros((0, 2), dtype=np.int64), plan.sequence).total
 
 
-def _headline(shop: Shop, plan: ShopPlan, rows: Sequence[PlanRow]) -> str:
-    alone = cost_without_lessons(shop, plan)
+def _headline(shop: Shop, plan: ShopPlan, rows: Sequence[PlanRow], alone: float) -> str:
     if not len(plan.taught):
         lessons = "No lesson is given."
     elif math.isfinite(alone):

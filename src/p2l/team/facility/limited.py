@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from p2l.records import Array, BoolArray, IntArray
-from p2l.team.facility.alarm import Alarm
+from p2l.team.facility.alarm import Alarm, silent
 from p2l.team.facility.branch import Target
 from p2l.team.facility.dual_ascent import dual_ascent
 from p2l.team.facility.fixing import Core, fix, shrink, whole
@@ -59,7 +59,10 @@ def load_kernels() -> None:
     """Load the compiled kernels, once per process."""
     toy = of_table(np.ones(2), np.array([[0.0, 3.0], [3.0, 0.0], [1.0, 1.0]]))
     none = np.zeros(2, dtype=bool)
-    descend_within(toy, columns_of(toy), np.ones((1, 2)), np.ones(1), none, ~none)
+    weights, limits = np.ones((1, 2)), np.ones(1)
+    descend_within(toy, columns_of(toy), weights, limits, none, ~none)
+    core = whole(toy)
+    raise_priced_bound(toy, core.state, weights, limits, np.zeros(3), np.zeros(1), 9.0, 1, silent())
 
 
 def solve_within(pairs: Pairs, weights: Array, limits: Array, *, deadline: float, gap: float = 0.0) -> PairsSolution:

@@ -46,6 +46,10 @@ def check_shop_place(folder: Path | str, inputs: Sequence[Path] = ()) -> None:
         with (place / TABLE).open(encoding="utf-8", errors="replace") as stream:
             head = stream.readline().strip().split(",")
     except OSError:  # there is none, or it will be told when it is written
+        if others := [name for name in FILES if (place / name).exists()]:
+            raise ArtifactError(
+                f"{place / others[0]}: is there already, without a plan of ours beside it; name another folder"
+            ) from None
         return
     if head != [""] and not (head[:2] == _FIRST and set(_LAST) <= set(head)):
         raise ArtifactError(f"{place / TABLE}: is there already, and no plan of ours; name another folder")
