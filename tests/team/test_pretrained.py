@@ -159,7 +159,7 @@ def plan_config(**changes):
         "transfer_data": "d",
         "records": None,
         "planner": "auto",
-        "order": "fixed",
+        "order": None,
         "time_limit_s": 1,
         "gap": 0,
         "theta": 0.5,

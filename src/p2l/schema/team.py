@@ -192,7 +192,7 @@ class PlanConfig(StudyStageConfig, ShopFiles):
             raise ValueError(f"order={self.order} and before=…: a partial order is an order of its own; leave one out")
         own = ("order", "max_lessons", "max_teaching", "before", "robots", "fill", "features", "trials")
         changes = {"planner": self.planner != "auto", "gap": self.gap != 0.0}
-        changes |= {name: getattr(self, name) is not None for name in own}
+        changes |= {name: getattr(self, name) not in (None, "fixed") for name in own}
         if self.tasks is None and any(changes.values()):
             names = ", ".join(name for name, change in changes.items() if change)
             raise ValueError(f"{names}: only for your own tasks (tasks=… transfer=…); a study compares all planners")
