@@ -110,6 +110,7 @@ def predictor_figure(
     """
     figure = Figure(figsize=(6.6 * len(domains), 4.6), layout="constrained")
     panels = figure.subplots(1, len(domains), sharey=True, squeeze=False)[0]
+    labels = []
     for axes, (title, variants) in zip(panels, domains.items(), strict=True):
         lines = [
             (variant, "adl", names[variant.setting], colour) for variant, colour in zip(variants, COLOURS, strict=False)
@@ -125,9 +126,11 @@ def predictor_figure(
             axes.fill_between(level, low, high, color=colour, alpha=0.12, lw=0)
             axes.plot(level, mean, "o-", color=colour, ms=4, lw=1.8)
             ends.append((float(level[-1]), float(mean[-1]), label, colour))
-        axes.set_ylim(0.0, None)
+        labels.append(ends)
         axes.set(title=title, xlabel="number of pre-trained skills")
         plain(axes)
+    panels[0].set_ylim(0.0, None)  # the panels share it, so only when all are drawn
+    for axes, ends in zip(panels, labels, strict=True):
         label_ends(axes, ends)
     panels[0].set_ylabel(f"mean executed {COST} (95 % t intervals)")
     return figure
