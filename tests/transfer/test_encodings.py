@@ -107,6 +107,7 @@ def fitted():
     return data, rate, split, models
 
 
+@pytest.mark.slow
 def test_it_learns_in_which_wall_a_lesson_leans(fitted):
     data, rate, split, models = fitted
     new = np.flatnonzero(split.held_out)

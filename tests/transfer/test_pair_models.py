@@ -94,6 +94,7 @@ def test_an_ensemble_sees_no_correlation_that_is_chance():
     assert (row[2:] == 0.0).mean() > 0.9
 
 
+@pytest.mark.slow
 def test_intervals_of_the_chosen_model_hold_the_truth_about_as_often_as_they_say():
     """90 % intervals over six made-up shops; honest is 80 to 98 %."""
     held = []
