@@ -9,7 +9,16 @@ from p2l.team import solve_facility_location
 from p2l.team.cases import Instance, tree_bound
 from p2l.team.certificate import check_facility_location, proven_location_bound
 from p2l.team.facility import of_table, solve_pairs, solve_program
+from p2l.team.facility.alarm import Alarm
+from p2l.team.facility.branch import Incumbent, Target, branch_and_bound
+from p2l.team.facility.count import count_cases, whole_search
+from p2l.team.facility.dual_ascent import dual_ascent
+from p2l.team.facility.fixing import whole
 from p2l.team.facility.local_search import open_cost
+from p2l.team.facility.presolve import presolve
+from p2l.team.facility.tabu import Walk
+from p2l.team.facility.tree import Tree
+from p2l.team.facility.volume import raise_bound
 from p2l.team.problem import Certificate
 from tests.team.team_instances import cheapest_by_hand, covering
 
@@ -101,3 +110,40 @@ def test_an_interrupted_proof_says_what_the_costs_give():
         bound = proven_location_bound(opening, service, early.certificate, early.cost)
         assert bound >= early.certificate.target * (1.0 - 1e-9) > 0.5 * early.cost
         assert bound <= early.cost
+
+
+class Counted(Alarm):
+    """Rings after so many looks at it, whatever the machine does."""
+
+    def __init__(self, looks):
+        super().__init__(np.inf)
+        self.looks = looks
+
+    @property
+    def rang(self):
+        self.looks -= 1
+        return self.looks < 0
+
+
+@pytest.mark.parametrize("nodes", [0, 1, 300, 700, 850, 912])
+def test_cases_interrupted_after_some_nodes_prove_what_they_say(nodes):
+    opening, service = covering(5, 90)
+    pairs = of_table(opening, service)
+    small, scale, _ = presolve(pairs)
+    start = dual_ascent(small)[0]
+    core, tree = whole(small), Tree(start, small.facilities)
+    open_set = solve_pairs(pairs, deadline=np.inf, whole_numbers=True, counting=True).open
+    best = Incumbent(open_set, float(open_cost(small, open_set)))
+    target = Target(unit=scale)
+    bound = raise_bound(small, core.state, start, target.cutoff(best.upper), 300)
+    tree.price(0, bound.multipliers)
+    with Alarm(np.inf) as alarm:
+        few, many = count_cases(
+            whole_search(core, bound, 0), open_set, best.upper, target.cutoff(best.upper), tree, alarm
+        )
+    walk = Walk(small, open_set, best.upper, np.random.default_rng(0))
+    with Alarm(np.inf) as never:
+        assert branch_and_bound(core, many, best, target, tree, walk, never).complete
+    search = branch_and_bound(core, few, best, target, tree, walk, Counted(nodes))
+    proven = proven_location_bound(opening, service, tree.certificate(search.lower, scale), best.upper / scale)
+    assert proven >= search.lower / scale > bound.value / scale

@@ -166,15 +166,16 @@ def branch_and_bound(
 def _left(part: CountCase, frontier: Frontier, cutoff: float, tree: Tree) -> float:
     """The bound that an interrupted search proves.
 
-    Where its prices say little about costs, its open nodes are priced once more, in true ones.
+    Where its prices say little about costs, its open nodes are priced once more, in true ones, if that says more.
     """
     if part.price >= 0.0:
         return frontier.lowest(cutoff - part.offset) + part.offset
     lowest = cutoff
     for node in [*frontier.stack, *frontier.heap]:
-        v, bound = part.true_bound(node.core, node.multipliers, node.bound + part.offset)
-        tree.price(node.serial, v)
-        lowest = min(lowest, bound)
+        v, bound = part.true_bound(node.core, node.multipliers)
+        if bound > node.bound + part.offset:
+            tree.price(node.serial, v)
+        lowest = min(lowest, max(bound, node.bound + part.offset))
     return lowest
 
 

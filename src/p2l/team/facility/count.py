@@ -50,7 +50,7 @@ class CountCase(NamedTuple):
     offset: float
     node: int
 
-    def true_bound(self, core: Core, multipliers: Array, known: float) -> tuple[Array, float]:
+    def true_bound(self, core: Core, multipliers: Array) -> tuple[Array, float]:
         """Multipliers [D] for the true costs, made of those of a node, and the bound that they give there.
 
         A fine is so large that a bound in its prices says little about costs before it says everything.
@@ -59,7 +59,7 @@ class CountCase(NamedTuple):
         share = (lowest + self.price) / lowest if self.price < 0.0 < lowest else 1.0
         pairs = priced(core.pairs, -self.price)
         v = np.minimum(multipliers * share, pairs.outside)
-        return v, max(known, bound_of(pairs, core.state, v))
+        return v, bound_of(pairs, core.state, v)
 
 
 def priced(pairs: Pairs, price: float) -> Pairs:
@@ -112,6 +112,7 @@ def count_cases(
     )
     many_core = whole.core._replace(pairs=priced(pairs, price))
     many = CountCase(many_core, bound, price, count * price, tree.count_case(whole.node, count - 1, is_more=True))
+    tree.price(few.node, few_bound.multipliers, fine)
     tree.price(many.node, bound.multipliers, price)
     return [few, many]
 
