@@ -46,7 +46,7 @@ def read_own_tasks(
 
 def plan_own_tasks(cfg: PlanConfig, out: Path, track: Tracker) -> None:
     """Write the plan of a person's own tasks, its figure and its page, and print the reasons."""
-    from p2l.evaluation.team.page import write_page
+    from p2l.evaluation.team.page import PageContent, write_page
     from p2l.evaluation.team.shop_figure import save_shop_figure
 
     inputs = [path for path in (cfg.tasks, cfg.transfer, *cfg.files) if path is not None]
@@ -59,10 +59,8 @@ def plan_own_tasks(cfg: PlanConfig, out: Path, track: Tracker) -> None:
     picture = (out / "plan.png").read_bytes()
     why, near = reason_rows(shop, reasons), break_even_rows(shop, reasons)
     alone = None if math.isnan(reasons.alone) else reasons.alone
-    write_page(
-        out / "plan.html", shop, day, why, reading.remarks, picture, cfg.subject,
-        break_even=near, without_lessons=alone,
-    )  # fmt: skip
+    content = PageContent(shop, day, cfg.subject, why, near, alone, reading.remarks, picture)
+    write_page(out / "plan.html", content)
     write_shop_plan(out, shop, day, reasons, extra=reading.extra, remarks=reading.remarks)
     track.metrics({"objective": day.objective, "lower_bound": day.lower_bound, "seconds": day.seconds})
     for name in ("plan.png", "plan.html"):

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from p2l.evaluation.team.look import amount
-from p2l.evaluation.team.page import cost_without_lessons, plan_page, write_page
+from p2l.evaluation.team.page import PageContent, cost_without_lessons, plan_page, write_page
 from p2l.team.shop import Ruling, plan_shop
 from p2l.text import drawable
 from tests.evaluation.team.shop_instances import day
@@ -56,8 +56,8 @@ class Page(HTMLParser):
         return self.tables[0][1:]
 
 
-def page_of(shop, plan=None, reasons=(), remarks=(), png=None, title="Monday", **more):
-    return plan_page(shop, plan or plan_shop(shop), reasons, remarks, png, title, **more)
+def page_of(shop, plan=None, title="Monday", **more):
+    return plan_page(PageContent(shop, plan or plan_shop(shop), title, **more))
 
 
 def test_the_page_has_every_task_once_in_order_with_its_numbers():
@@ -129,7 +129,8 @@ def test_names_are_escaped_and_nothing_runs_or_is_fetched(tmp_path):
     reasons = [{"lesson": bad, "robot": bad, "serves": [bad], "c_demo": bad}]
     png = b"\x89PNG and the rest"
     plan = plan_shop(shop)
-    write_page(tmp_path / "plan.html", shop, plan, reasons, [bad], png, bad, break_even=reasons)
+    content = PageContent(shop, plan, bad, reasons, reasons, remarks=[bad], figure_png=png)
+    write_page(tmp_path / "plan.html", content)
     text = (tmp_path / "plan.html").read_text(encoding="utf-8")
     page = Page(text)
     assert {tag for tag, _ in page.elements}.isdisjoint({"script", "iframe", "object", "link", "base", "form"})

@@ -24,7 +24,7 @@ import numpy as np
 from p2l.errors import ShapeError
 from p2l.records import Array, BoolArray, IntArray, freeze
 from p2l.team.costs import freeze_cost
-from p2l.team.problem import Certificate, Problem, Status
+from p2l.team.problem import Certificate, Problem, Status, freeze_columns
 
 ShopOrder = Literal["fixed", "any", "partial"]
 SHOP_ORDERS: tuple[str, ...] = ("fixed", "any", "partial")
@@ -249,13 +249,9 @@ class ShopPlan:
     certificate: ShopCertificate | None = None
 
     def __post_init__(self) -> None:
-        sizes: dict[str, int] = {}
-        put = object.__setattr__
-        put(self, "taught", freeze("taught", np.reshape(self.taught, (-1, 2)), ("T", 2), sizes, np.int64))
-        for name in ("sequence", "decision", "robot", "lesson"):
-            put(self, name, freeze(name, getattr(self, name), ("G",), sizes, np.int64))
-        for name in ("p_success", "expected_cost"):
-            put(self, name, freeze(name, getattr(self, name), ("G",), sizes))
+        taught = freeze("taught", np.reshape(self.taught, (-1, 2)), ("T", 2), {}, np.int64)
+        object.__setattr__(self, "taught", taught)
+        freeze_columns(self, ("G",), ("sequence", "decision", "robot", "lesson"), ("p_success", "expected_cost"))
 
 
 def precedence(shop: Shop) -> BoolArray:
