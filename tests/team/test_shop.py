@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
-from shop_instances import large_shop, small_shop
+from shop_instances import small_shop
 
+from benchmarks.instances import large_shop
 from p2l.errors import ConfigError, ShapeError, SolverError
 from p2l.team import Problem, plan
 from p2l.team.problem import Decision

@@ -6,8 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from shop_instances import large_shop, small_shop
+from shop_instances import small_shop
 
+from benchmarks.instances import large_shop
 from p2l.artifacts import load_arrays, save_arrays
 from p2l.errors import ArtifactError, ConfigError, InputError, SolverError
 from p2l.team.shop import Ruling, Shop, check_shop_plan, plan_shop
