@@ -94,6 +94,18 @@ def test_a_day_with_everything_is_planned_and_checked(stage, tmp_path):
     code, told = stage("check_plan", *OWN, *ALL, "plan=out", out="checked")
     assert code == 0, told.err
     assert "8 tasks, order partial; costs 331.5; no plan costs less than 331.5: optimal" in told.out
+    assert "plan.html shows this cost and this day" in told.out
+    assert "numbers solved for again, all are the same." in told.out
+    for name, old, new in (
+        ("reasons.csv", "gear,Panda,yes,120,", "gear,Panda,yes,12,"),
+        ("plan.html", "331.5", "33.5"),
+    ):
+        text = (tmp_path / "out" / name).read_text(encoding="utf-8")
+        assert old in text
+        (tmp_path / "out" / name).write_text(text.replace(old, new, 1), encoding="utf-8")
+        code, told = stage("check_plan", *OWN, *ALL, "plan=out", out="checked")
+        assert (code, "Traceback" in told.err, name in told.err, told.out) == (2, False, True, "")
+        (tmp_path / "out" / name).write_text(text, encoding="utf-8")
     for old, new in ((";5;;C", ";4;;C"), ("cog;10;100", "cog;10;101"), (";120;", ";119;"), ("nut", "bolt")):
         (tmp_path / "orders.csv").write_text(ORDERS.replace(old, new))
         code, told = stage("check_plan", *OWN, *ALL, "plan=out", out="checked")

@@ -215,6 +215,7 @@ class CheckPlanConfig(StageConfig, ShopFiles):
     tasks: Path
     transfer: Path
     plan: Path
+    reasons_s: NotNegative = 10.0
 
     @property
     def subject(self) -> str:

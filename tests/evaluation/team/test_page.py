@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from p2l.errors import ArtifactError, InputError
 from p2l.evaluation.team.look import amount
-from p2l.evaluation.team.page import PageContent, cost_without_lessons, plan_page, write_page
+from p2l.evaluation.team.page import PageContent, check_page, cost_without_lessons, plan_page, write_page
 from p2l.team.shop import Ruling, plan_shop
 from p2l.text import drawable
 from tests.evaluation.team.shop_instances import day
@@ -175,3 +176,25 @@ def test_a_page_of_a_thousand_tasks_leaves_long_inputs_out():
 ])  # fmt: skip
 def test_amounts_are_short_and_keep_three_digits(value, text):
     assert amount(value) == text
+
+
+def test_a_page_of_another_cost_or_day_is_refused(tmp_path):
+    shop = day(5, counts=2)
+    plan, path = plan_shop(shop), tmp_path / "plan.html"
+    assert not check_page(path, shop, plan)
+    write_page(path, PageContent(shop, plan, "Monday", remarks=["Anything."]))
+    text = path.read_text(encoding="utf-8")
+    assert check_page(path, shop, plan)
+    total = f"<b>{plan.objective:,.1f}</b>"
+    for old, new, what in (
+        (total, "<b>1.0</b>", "cost"),
+        (">attempt<", ">lesson<", "day"),
+        ("optimal", "fair", "cost"),
+    ):
+        assert old in text
+        path.write_text(text.replace(old, new, 1), encoding="utf-8")
+        with pytest.raises(InputError, match=f"does not show the {what} of this plan"):
+            check_page(path, shop, plan)
+    path.write_bytes(b"\xff\xfe")
+    with pytest.raises(ArtifactError):
+        check_page(path, shop, plan)

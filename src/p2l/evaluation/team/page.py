@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from p2l.artifacts import write_text
+from p2l.errors import ArtifactError, InputError
 from p2l.evaluation.team.look import ORDER, UNIT, amount, limits
 from p2l.evaluation.team.page_inputs import inputs
 from p2l.evaluation.team.page_parts import NONE, STYLE, Column, cell, facts, header, listing, name, names, table, word
@@ -107,6 +108,29 @@ def plan_page(content: PageContent) -> str:
     )
 
 
+def check_page(path: Path | str, shop: Shop, plan: ShopPlan) -> bool:
+    """Whether there is a page at all; where there is, it has to show the plan's cost, proof and table of the day.
+
+    Its reasons, notes and inputs are not looked at.
+
+    Raises:
+        ArtifactError: the page cannot be read.
+        InputError: it shows another cost or day.
+    """
+    page = Path(path)
+    if not page.exists():
+        return False
+    try:
+        text = page.read_bytes().decode()
+    except (OSError, UnicodeDecodeError) as error:
+        raise ArtifactError(f"{page}: cannot be read as the page of a plan ({error}); plan again") from error
+    rows = plan_rows(shop, plan)
+    for what, part in (("cost", _total(plan)), ("day", _day(shop, rows))):
+        if part not in text:
+            raise InputError.at(page, None, None, f"does not show the {what} of this plan; plan again")
+    return True
+
+
 def cost_without_lessons(shop: Shop, plan: ShopPlan) -> float:
     """Expected cost of the day if no lesson is given, though some may be demanded; infinite if that cannot be done."""
     choice = np.where(shop.choice == Ruling.LEARN, Ruling.NOT_LEARN, shop.choice)
@@ -130,13 +154,17 @@ def _headline(shop: Shop, plan: ShopPlan, rows: Sequence[PlanRow], alone: float)
         Decision.LEARN: f"lesson{_s(number[Decision.LEARN])}",
     }
     items = "".join(f'<li class="{kind.name.lower()}"><b>{number[kind]:,}</b> {text[kind]}</li>' for kind in Decision)
-    proof = proof_text(plan.status, plan.objective, plan.lower_bound)
     given = limits(shop)
     return (
-        f'<section class="headline">\n<p class="total"><b>{amount(plan.objective)}</b> expected cost, {proof}</p>\n'
+        f'<section class="headline">\n{_total(plan)}\n'
         f"<p>{lessons} All costs are in the {UNIT}.{' Limits: ' + ', '.join(given) + '.' if given else ''}</p>\n"
         f'<ul class="counts">{items}</ul>\n</section>'
     )
+
+
+def _total(plan: ShopPlan) -> str:
+    proof = proof_text(plan.status, plan.objective, plan.lower_bound)
+    return f'<p class="total"><b>{amount(plan.objective)}</b> expected cost, {proof}</p>'
 
 
 def _day(shop: Shop, rows: Sequence[PlanRow]) -> str:
