@@ -11,6 +11,7 @@ import numpy as np
 from p2l.errors import ConfigError, InputError
 from p2l.records import Array
 from p2l.schema import CheckPlanConfig, PlanConfig
+from p2l.team.columns import likeness
 from p2l.team.planners import plan
 from p2l.team.sheets import check_standard_input
 from p2l.team.shop import Shop, ShopPlan, plan_shop
@@ -98,9 +99,9 @@ def _predictor(features: Path, trials: Path | None, seed: int) -> Filling:
     def fill(taught: tuple[str, ...], tested: tuple[str, ...]) -> Array:
         unknown = [name for name in (*taught, *tested) if name not in tasks.names]
         if unknown:
-            raise InputError.at(
-                features, None, "task", f"has no row for '{unknown[0]}', whose pairs are to be predicted"
-            )
+            others = set(tasks.names) - {*taught, *tested}
+            problem = f"has no row for '{unknown[0]}', whose pairs are to be predicted{likeness(unknown[0], others)}"
+            raise InputError.at(features, None, "task", problem)
         rng = generator(seed, "predict_transfer")
         prediction = predict(FitSetting(tasks, Prior()), tried, _MODELS, _FOLDS, _FEWEST_PAIRS, _LEVEL, rng=rng)
         place = {name: index for index, name in enumerate(tasks.names)}

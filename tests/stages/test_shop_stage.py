@@ -26,6 +26,7 @@ FILES = {
     "few": "task,c_rob,c_hum,c_fail,c_demo\ngear,10,100,100,120\nlid,10,100,100,200\n",
     "square": "task,gear,lid\ngear,1,0.9\nlid,0,1\n",
     "must": "task,c_rob,c_hum,c_fail,c_demo,decision\ngear,10,100,100,120,learn\nlid,10,100,100,200,learn\n",
+    "misspelt": FEATURES.replace("\nlid", "\nlidd"),
     "circle": "before,after\nlid,nut\nnut,lid\n",
 }  # fmt: skip
 OWN = ("tasks=orders.csv", "transfer=transfer.csv")
@@ -134,9 +135,27 @@ def test_pairs_that_nobody_tried_are_predicted(stage, tmp_path):
         ((*OWN, "fill=0", "planner=gut_feeling"), ("gut_feeling", "auto")),
         (OWN, ("transfer.csv", "has no value for", "fill=0", "features=")),
         ((*OWN, "fill=2"), ("fill",)),
+        ((*OWN, "fill=0,05"), ("stage plan: fill=0,05: a comma makes a list here; write fill=0.05\n",)),
+        ((*OWN, "fill=,5"), ("write fill=0.5",)),
+        ((*OWN, "fill=5,0%"), ("write fill=0.05",)),
+        ((*OWN, "fill=0", "max_lessons=1.5"), ("max_lessons", "1.5", "integer")),
+        (
+            (*OWN, "features=misspelt.csv"),
+            ("misspelt.csv, column 'task': has no row for 'lid'", "is it 'lidd'?"),
+        ),
         ((*OWN, "fill=0", "max_lessons=-1"), ("max_lessons",)),
-        (("tasks=must.csv", "transfer=square.csv", "max_lessons=1"), ("no plan keeps the limits and the decisions",)),
-        (("tasks=must.csv", "transfer=square.csv", "max_teaching=300"), ("no plan keeps the limits",)),
+        (
+            ("tasks=must.csv", "transfer=square.csv", "max_lessons=1"),
+            (
+                "no plan keeps the limits and the decisions",
+                "2 tasks are to be taught",
+                "max_lessons is 1",
+            ),
+        ),
+        (
+            ("tasks=must.csv", "transfer=square.csv", "max_teaching=300"),
+            ("the lessons to be given take 320 at least, and max_teaching is 300",),
+        ),
         ((*OWN, "fill=0", "before=circle.csv"), ("circle", "lid", "nut")),
         ((*OWN, "fill=0", "robots=features.csv"), ("features.csv", "column 'robot'")),
         ((*OWN, "features=features.csv", "trials=transfer.csv"), ("transfer.csv", "expected taught,tested,successes")),

@@ -172,6 +172,47 @@ def test_what_cannot_be_kept_is_said():
         replace(shop, order="partial", before=np.array([[0, 1], [1, 0]]))
 
 
+def test_the_limit_that_cannot_be_kept_is_named():
+    """Tasks 1 and 2 have no way but a lesson on themselves, each of 200; task 0 does not matter."""
+    shop = replace(large_shop(3, counts=False), transfer=np.zeros((1, 3, 3)), c_demo=np.full((1, 3), 200.0))
+    never = np.array([[10.0, np.inf, np.inf]])
+    shop = replace(shop, c_hum=np.array([90.0, np.inf, np.inf]), c_rob=never)
+    assert plan_shop(replace(shop, max_lessons=2.0, max_teaching=400.0)).status == "optimal"
+    for lessons, teaching, fault in (
+        (1.0, np.inf, "cannot be done within max_lessons=1;"),
+        (1.0, 1000.0, "cannot be done within max_lessons=1;"),
+        (2.0, 399.0, "cannot be done within max_teaching=399;"),
+        (1.0, 399.0, "cannot be done within max_lessons=1 and max_teaching=399;"),
+    ):
+        with pytest.raises(ConfigError, match=fault):
+            plan_shop(replace(shop, max_lessons=lessons, max_teaching=teaching))
+    must = np.array([Ruling.FREE, Ruling.LEARN, Ruling.LEARN])
+    with pytest.raises(ConfigError, match=r"2 tasks are to be taught .*, and max_lessons is 1;"):
+        plan_shop(replace(shop, choice=must, max_lessons=1.0))
+    with pytest.raises(ConfigError, match="the lessons to be given take 400 at least, and max_teaching is 399;"):
+        plan_shop(replace(shop, choice=must, max_teaching=399.0))
+    with pytest.raises(ConfigError, match="some task has no way"):
+        plan_shop(replace(shop, choice=np.array([Ruling.FREE, Ruling.ACT, Ruling.FREE])))
+
+
+def test_limits_that_only_together_cannot_be_kept_are_both_named():
+    """One lesson (500) does for both tasks, and so do two (100 each): at most one lesson of at most 300 does not."""
+    shop = replace(
+        large_shop(2, counts=False), lessons=("all", "one", "other"), completes=np.array([-1, 0, 1]),
+        c_demo=np.array([[500.0, 100.0, 100.0]]), c_hum=np.full(2, np.inf), c_fail=np.full((1, 2), np.inf),
+        transfer=np.array([[[1.0, 1.0], [0.0, 0.0], [0.0, 0.0]]]),
+    )  # fmt: skip
+    assert plan_shop(replace(shop, max_lessons=1.0)).objective > 500.0
+    assert plan_shop(replace(shop, max_teaching=300.0)).objective == 200.0
+    with pytest.raises(ConfigError, match="within both max_lessons=1 and max_teaching=300;"):
+        plan_shop(replace(shop, max_lessons=1.0, max_teaching=300.0))
+
+
+def test_half_a_lesson_is_no_limit():
+    with pytest.raises(ShapeError, match=r"max_lessons: 1.5 given; expected a whole number"):
+        large_shop(3, max_lessons=1.5)
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_reasons_hold_on_either_side_of_the_break_even(seed):
     shop = large_shop(14, seed=seed)

@@ -27,6 +27,7 @@ from p2l.team.problem import Certificate, Status, relative_gap
 from p2l.team.shop.certificate import shop_bound
 from p2l.team.shop.circle import circle_of, sequence_of
 from p2l.team.shop.fallback import cheapest_conceivable, quick_choices
+from p2l.team.shop.faults import fault_of
 from p2l.team.shop.outcome import ShopOutcome, shop_outcome
 from p2l.team.shop.record import Shop, ShopCertificate, ShopPlan
 from p2l.team.shop.reduction import Reduction, reduce_shop
@@ -69,7 +70,8 @@ def plan_shop(shop: Shop, *, time_limit_s: float = 60.0, gap: float = 0.0) -> Sh
     best = search.best
     if best is None:
         if complete:
-            raise ConfigError("no plan keeps the limits and the decisions that are made; loosen one of them")
+            fault = fault_of(shop, lambda other: _has_plan(other, start + limit_s))
+            raise ConfigError(f"no plan keeps the limits and the decisions that are made: {fault}; loosen one of them")
         raise SolverError("no plan was found in time; give more time, or loosen a limit")
     proof, proven = search.proven()
     bound = min(best.outcome.total, proven)
@@ -82,6 +84,12 @@ def plan_shop(shop: Shop, *, time_limit_s: float = 60.0, gap: float = 0.0) -> Sh
         objective=outcome.total, lower_bound=bound, gap=relative, seconds=time.perf_counter() - start,
         certificate=proof,
     )  # fmt: skip
+
+
+def _has_plan(shop: Shop, deadline: float) -> bool:
+    """Whether a shop has a plan, as far as can be known by the deadline."""
+    search = _ShopSearch(shop, deadline, 0.5)
+    return search.best is not None if search.run() else True
 
 
 @dataclass(frozen=True)

@@ -60,7 +60,7 @@ class Shop:
         choice: [n] a `Ruling`.
         order: "fixed", "any", or "partial": any that keeps `before`.
         before: [P, 2] tasks of which the first is done before the second, all copies of it.
-        max_lessons: lessons, at most; infinite for no limit.
+        max_lessons: lessons, at most, a whole number; infinite for no limit.
         max_teaching: sum of their `c_demo`, at most; infinite for no limit.
 
     Raises:
@@ -127,6 +127,8 @@ class Shop:
         for name in ("max_lessons", "max_teaching"):
             if not float(getattr(self, name)) >= 0.0:
                 raise ShapeError(f"{name}: {getattr(self, name)} given; expected a number of at least 0")
+        if math.isfinite(self.max_lessons) and self.max_lessons != math.floor(self.max_lessons):
+            raise ShapeError(f"max_lessons: {self.max_lessons} given; expected a whole number")
         if self.order != "partial" and len(self.arcs):
             raise ShapeError(f"before: given with order={self.order}; a partial order needs order=partial")
         if self.order == "partial":
