@@ -11,6 +11,7 @@ import numpy as np
 from p2l.errors import ConfigError, InputError
 from p2l.records import Array
 from p2l.schema import CheckPlanConfig, PlanConfig
+from p2l.team.columns import likeness
 from p2l.team.planners import plan
 from p2l.team.sheets import check_standard_input
 from p2l.team.shop import Shop, ShopPlan, plan_shop
@@ -46,7 +47,7 @@ def read_own_tasks(
 
 def plan_own_tasks(cfg: PlanConfig, out: Path, track: Tracker) -> None:
     """Write the plan of a person's own tasks, its figure and its page, and print the reasons."""
-    from p2l.evaluation.team.page import write_page
+    from p2l.evaluation.team.page import PageContent, write_page
     from p2l.evaluation.team.shop_figure import save_shop_figure
 
     inputs = [path for path in (cfg.tasks, cfg.transfer, *cfg.files) if path is not None]
@@ -59,10 +60,8 @@ def plan_own_tasks(cfg: PlanConfig, out: Path, track: Tracker) -> None:
     picture = (out / "plan.png").read_bytes()
     why, near = reason_rows(shop, reasons), break_even_rows(shop, reasons)
     alone = None if math.isnan(reasons.alone) else reasons.alone
-    write_page(
-        out / "plan.html", shop, day, why, reading.remarks, picture, cfg.subject,
-        break_even=near, without_lessons=alone,
-    )  # fmt: skip
+    content = PageContent(shop, day, cfg.subject, why, near, alone, reading.remarks, picture)
+    write_page(out / "plan.html", content)
     write_shop_plan(out, shop, day, reasons, extra=reading.extra, remarks=reading.remarks)
     track.metrics({"objective": day.objective, "lower_bound": day.lower_bound, "seconds": day.seconds})
     for name in ("plan.png", "plan.html"):
@@ -100,9 +99,9 @@ def _predictor(features: Path, trials: Path | None, seed: int) -> Filling:
     def fill(taught: tuple[str, ...], tested: tuple[str, ...]) -> Array:
         unknown = [name for name in (*taught, *tested) if name not in tasks.names]
         if unknown:
-            raise InputError.at(
-                features, None, "task", f"has no row for '{unknown[0]}', whose pairs are to be predicted"
-            )
+            others = set(tasks.names) - {*taught, *tested}
+            problem = f"has no row for '{unknown[0]}', whose pairs are to be predicted{likeness(unknown[0], others)}"
+            raise InputError.at(features, None, "task", problem)
         rng = generator(seed, "predict_transfer")
         prediction = predict(FitSetting(tasks, Prior()), tried, _MODELS, _FOLDS, _FEWEST_PAIRS, _LEVEL, rng=rng)
         place = {name: index for index, name in enumerate(tasks.names)}

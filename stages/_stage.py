@@ -41,6 +41,7 @@ from p2l.schema import PATHS, StageConfig, resolve, validate
 from p2l.text import printable
 from p2l.tracking import RUN_FILE, RunCard, Tracker, safe_uri, start
 from stages import ROOT
+from stages._decimals import told_apart
 from stages._stdout import listen
 
 ConfigT = TypeVar("ConfigT", bound=StageConfig)
@@ -160,7 +161,7 @@ def _plain_path(word: str) -> str:
 
 
 def _one_message(error: BaseException) -> str:
-    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    lines = [line.strip() for line in str(told_apart(error)).splitlines() if line.strip()]
     if error.__cause__ is not None and (cause := str(error.__cause__).splitlines()):
         lines.append(f"({cause[0]})")
     return "\n  ".join(dict.fromkeys(lines))

@@ -24,6 +24,7 @@ from p2l.text import guarded_cell
 
 TABLE, SUMMARY, PROOF, REASONS = "plan.csv", "plan.json", "certificate.npz", "reasons.csv"
 FILES = (TABLE, SUMMARY, PROOF, REASONS, "plan.png", "plan.html")
+WITHOUT, UNKNOWN = "without_lessons", "unknown_reasons"  # keys of plan.json
 _FIRST, _LAST = ["order", "task"], ["skill", "p_success", "expected_cost"]
 _GROUPS = {"taught": np.int64, "sequence": np.int64, "decision": np.int64, "robot": np.int64, "lesson": np.int64,
            "p_success": np.float64, "expected_cost": np.float64}  # fmt: skip
@@ -131,7 +132,8 @@ def write_shop_plan(
         "lower_bound": finite(plan.lower_bound),
         "gap": finite(plan.gap),
         "seconds": finite(plan.seconds),
-        "without_lessons": finite(reasons.alone),
+        WITHOUT: finite(reasons.alone),
+        UNKNOWN: reasons.unknown + math.isnan(reasons.alone),
         "remarks": list(remarks),
         **_summed_up(shop, plan),
         "groups": {name: getattr(plan, name).tolist() for name in _GROUPS},

@@ -11,11 +11,11 @@ from __future__ import annotations
 import heapq
 import math
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from p2l.errors import ConfigError, SolverError
+from p2l.errors import ConfigError, ShapeError, SolverError
 from p2l.records import Array, BoolArray, IntArray
 from p2l.team import facility
 from p2l.team.certificate import PROVEN
@@ -26,12 +26,16 @@ from p2l.team.loading import loaded
 from p2l.team.problem import Certificate, Status, relative_gap
 from p2l.team.shop.certificate import shop_bound
 from p2l.team.shop.circle import circle_of, sequence_of
+from p2l.team.shop.fallback import cheapest_conceivable, quick_choices
+from p2l.team.shop.faults import fault_of
 from p2l.team.shop.outcome import ShopOutcome, shop_outcome
 from p2l.team.shop.record import Shop, ShopCertificate, ShopPlan
 from p2l.team.shop.reduction import Reduction, reduce_shop
 
 _SMALL = 40  # groups up to which HiGHS is asked for the relaxation first, as for the thesis's problems
 _FINISH = 0.15  # share of the time limit that is left for the check
+_MAKING = 0.4  # share of the time that making the instance may take, since checking takes as long
+_CHECKING = 1.5  # times as long, to be safe
 
 
 def plan_shop(shop: Shop, *, time_limit_s: float = 60.0, gap: float = 0.0) -> ShopPlan:
@@ -66,10 +70,11 @@ def plan_shop(shop: Shop, *, time_limit_s: float = 60.0, gap: float = 0.0) -> Sh
     best = search.best
     if best is None:
         if complete:
-            raise ConfigError("no plan keeps the limits and the decisions that are made; loosen one of them")
+            fault = fault_of(shop, lambda other: _has_plan(other, start + limit_s))
+            raise ConfigError(f"no plan keeps the limits and the decisions that are made: {fault}; loosen one of them")
         raise SolverError("no plan was found in time; give more time, or loosen a limit")
-    proof = search.proof()
-    bound = min(best.outcome.total, shop_bound(shop, proof))
+    proof, proven = search.proven()
+    bound = min(best.outcome.total, proven)
     relative = relative_gap(best.outcome.total, bound)
     status: Status = "optimal" if relative <= PROVEN else "feasible" if complete else "time_limit"
     outcome = best.outcome
@@ -79,6 +84,12 @@ def plan_shop(shop: Shop, *, time_limit_s: float = 60.0, gap: float = 0.0) -> Sh
         objective=outcome.total, lower_bound=bound, gap=relative, seconds=time.perf_counter() - start,
         certificate=proof,
     )  # fmt: skip
+
+
+def _has_plan(shop: Shop, deadline: float) -> bool:
+    """Whether a shop has a plan, as far as can be known by the deadline."""
+    search = _ShopSearch(shop, deadline, 0.5)
+    return search.best is not None if search.run() else True
 
 
 @dataclass(frozen=True)
@@ -99,6 +110,7 @@ class _OrderCase:
     dropped: BoolArray
     leaf: Certificate | None = None
     open_set: BoolArray | None = None
+    complete: bool = True
     circle: list[tuple[int, int]] = field(default_factory=list)
 
 
@@ -112,16 +124,19 @@ class _ShopSearch:
 
     def run(self) -> bool:
         """Look at cases, the one with the lowest bound first; whether it ended before the deadline."""
-        low, whole = self._look(0)
-        start = time.perf_counter()
-        shop_bound(self.shop, self.proof())
-        self.check_s = time.perf_counter() - start
+        try:
+            low, whole = self._look(0)
+        except TimeoutError:
+            self._offer_quickly()
+            return False
         waiting = [(low, 0)]
         while waiting:
             low, number = heapq.heappop(waiting)
             case = self.cases[number]
             if not case.circle or low >= self._cutoff():
                 continue
+            if not number:
+                self.check_s = self._check_s()
             if time.perf_counter() + self.check_s * len(self.cases) > self.deadline:
                 return False
             first = len(self.cases)
@@ -135,6 +150,24 @@ class _ShopSearch:
                     return False
                 heapq.heappush(waiting, (max(low, below), len(self.cases) - 1))
         return whole
+
+    def _check_s(self) -> float:
+        start = time.perf_counter()
+        shop_bound(self.shop, self.proof())
+        return time.perf_counter() - start
+
+    def proven(self) -> tuple[ShopCertificate, float]:
+        """The proof, and its bound: the one of the search, or, where that was cut short, one that needs no check."""
+        proof, bound = self.proof(), -math.inf
+        if (root := self.cases[0]).leaf is not None:
+            bound = shop_bound(self.shop, proof)
+        if len(self.cases) > 1 or (root.leaf is not None and root.complete):
+            return proof, bound
+        multipliers = cheapest_conceivable(self.shop)
+        low = math.fsum(multipliers.tolist()) * (1.0 - PROVEN / 1000)
+        if low <= bound:
+            return proof, bound
+        return replace(proof, leaf=(Certificate.of(multipliers),)), low
 
     def proof(self) -> ShopCertificate:
         """All cases, and the certificates of those without cases below them."""
@@ -154,13 +187,23 @@ class _ShopSearch:
     def _look(self, number: int) -> tuple[float, bool]:
         """Solve a case; its bound, and whether that is within the gap of what it costs."""
         case = self.cases[number]
-        reduction = reduce_shop(self.shop, case.dropped if number else None)
+        if number:
+            try:
+                reduction = reduce_shop(self.shop, case.dropped, deadline=self.deadline)
+            except TimeoutError:
+                return -math.inf, False
+        else:
+            start = time.perf_counter()
+            reduction = reduce_shop(self.shop, deadline=start + _MAKING * (self.deadline - start))
+            self.deadline -= _CHECKING * (time.perf_counter() - start)
         impossible = np.isinf(reduction.pairs.outside) & (np.diff(reduction.pairs.start) == 0)
         if impossible.any():
             case.leaf = Certificate.of(np.where(impossible, LARGEST, 0.0))  # nothing serves it at any price
             return math.inf, True
         solution = self._solve(reduction, self.cases[max(0, case.parent)])
-        case.leaf, case.open_set = solution.certificate, solution.open
+        if not (number or solution.complete):
+            self._offer_quickly()
+        case.leaf, case.open_set, case.complete = solution.certificate, solution.open, solution.complete
         if not math.isfinite(solution.cost):
             return math.inf, solution.complete
         facilities = np.flatnonzero(solution.open)
@@ -168,6 +211,16 @@ class _ShopSearch:
         case.circle, sequence = circle_of(self.shop, reduction, solution.open)
         self._offer(taught, sequence if not case.circle else sequence_of(self.shop, taught))
         return solution.cost * (1.0 - PROVEN) if solution.complete else -math.inf, solution.complete
+
+    def _offer_quickly(self) -> None:
+        """Plans that need no search, for where the time is up before one."""
+        for number, taught in enumerate(quick_choices(self.shop)):
+            if number == 2 and self.best is not None:
+                break
+            try:
+                self._offer(taught, sequence_of(self.shop, taught))
+            except ShapeError:  # more than the limits allow
+                continue
 
     def _offer(self, taught: IntArray, sequence: IntArray) -> None:
         outcome = shop_outcome(self.shop, taught, sequence)
