@@ -46,11 +46,19 @@ def _subsets(offers: list[tuple[int, int]]) -> chain[tuple[tuple[int, int], ...]
 
 def _today(program: TwoStage, taught: IntArray) -> float:
     """What today costs with given lessons, in the best order of work."""
-    task, _ = program.today.groups
+    shop = program.today
+    task, _ = shop.groups
+    by_task = np.arange(len(task))
+    is_taught = np.isin(by_task, shop.completes[taught[:, 0]])
+    orders = {
+        "fixed": lambda: [np.lexsort((by_task, task))],
+        "any": lambda: [np.lexsort((by_task, task, ~is_taught))],
+        "partial": lambda: [np.array(each) for each in permutations(range(len(task)))],
+    }
     costs = []
-    for sequence in permutations(range(len(task))):
+    for sequence in orders[shop.order]():
         try:
-            costs.append(shop_outcome(program.today, taught, np.array(sequence)).total)
+            costs.append(shop_outcome(shop, taught, sequence).total)
         except ShapeError:
             continue
     return min(costs, default=float("inf"))
