@@ -61,12 +61,12 @@ def tomorrow_outcome(program: TwoStage, taught: IntArray, later: IntArray) -> To
     """Tomorrow's cost in each scenario; arguments and errors as for `two_stage_outcome`."""
     pairs = np.reshape(np.asarray(taught, dtype=np.int64), (-1, 2))
     waiting = _later(program, later)
-    ways = np.concatenate([program.c_hum[None], _attempts(program, None), _attempts(program, pairs)])
+    ways = np.concatenate([program.c_hum[None], attempt_costs(program, None), attempt_costs(program, pairs)])
     base = ways.min(axis=0)
     way = ways.argmin(axis=0) - 1 - len(program.today.robots)  # of today's lessons; below 0 is without any
     left = program.counts.copy()  # copies that today's way is for
     cost = np.zeros(program.scenarios)
-    waited = _attempts(program, waiting[:, 1:])
+    waited = attempt_costs(program, waiting[:, 1:])
     ends = np.searchsorted(waiting[:, 0], np.arange(program.scenarios + 1))
     for scenario in np.unique(waiting[:, 0]).tolist():
         given = slice(int(ends[scenario]), int(ends[scenario + 1]))
@@ -89,7 +89,7 @@ def _product(copies: Array, cost: Array) -> Array:
     return product
 
 
-def _attempts(program: TwoStage, pairs: IntArray | None) -> Array:
+def attempt_costs(program: TwoStage, pairs: IntArray | None) -> Array:
     """[K, J] expected cost of one attempt after each of K lessons to robots; None: [R, J] without any."""
     if pairs is None:
         robot, skill = np.arange(len(program.today.robots)), program.pretrained

@@ -56,6 +56,20 @@ class Replications:
     bound: Array
 
 
+@dataclass(frozen=True)
+class Estimate:
+    """What samples say of a plan: tomorrow's mean cost, its two-sided limits at 95 %, and the optimality gap.
+
+    `fresh` is whether they are new draws of a forecast; parts of a table of scenarios are not.
+    """
+
+    tomorrow: float
+    low: float
+    high: float
+    gap: GapInterval
+    fresh: bool
+
+
 def gap_interval(cost: Array, bound: Array, level: float = LEVEL) -> GapInterval:
     """One-sided Student's t limit of the optimality gap.
 
@@ -125,6 +139,14 @@ def subsamples(program: TwoStage, replications: int, rng: np.random.Generator) -
         rows = np.sort(order[part::replications])
         chance = program.probability[rows]
         yield replace(program, counts=program.counts[rows], probability=chance / chance.sum())
+
+
+def estimate(replications: Replications, *, fresh: bool) -> Estimate | None:
+    """What replications say; None if there are none."""
+    if not len(replications.cost):
+        return None
+    limits = mean_interval(replications.tomorrow)
+    return Estimate(*limits, gap_interval(replications.cost, replications.bound), fresh)
 
 
 def replicate(
