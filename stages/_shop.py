@@ -40,8 +40,13 @@ def read_own_tasks(
         max_lessons=math.inf if max_lessons is None else max_lessons,
         max_teaching=math.inf if max_teaching is None else max_teaching,
         fill=cfg.fill,
-        filling=None if cfg.features is None else _predictor(cfg.features, cfg.trials, cfg.seed),
+        filling=filling_of(cfg),
     )
+
+
+def filling_of(cfg: PlanConfig | CheckPlanConfig) -> Filling | None:
+    """The model of missing pairs that a configuration asks for."""
+    return None if cfg.features is None else _predictor(cfg.features, cfg.trials, cfg.seed)
 
 
 def plan_own_tasks(cfg: PlanConfig, out: Path, track: Tracker) -> None:

@@ -110,7 +110,7 @@ def read_two_stage(
     arcs = None if before is None else read_before(read_sheet(before), today.tasks)
     late = _late(today, types, order, arcs)
     how: ShopOrder = "any" if late is None else "partial"
-    both = shop_of_orders(_joined(today, types), table, team, how, late, fill=fill, filling=filling)
+    both = shop_of_orders(_joined(today, types, types), table, team, how, late, fill=fill, filling=filling)
     shop = _today(both.shop, today, order, arcs, (max_lessons, max_teaching))
     refuse_impossible(shop, today)
     then = both.shop if types is today else _tomorrow(today, types, table, team)
@@ -142,11 +142,14 @@ def _types(sheet: Sheet) -> Orders:
     return types
 
 
-def _joined(first: Orders, second: Orders) -> Orders:
-    """The rows of one table, and those of another on tasks that it does not have; nothing decided, copies of all."""
+def _joined(first: Orders, second: Orders, types: Orders) -> Orders:
+    """The rows of one table, and those of another on tasks that it does not have; nothing is decided.
+
+    Of what may come there are copies, or how well a lesson does its own task would not be asked for.
+    """
     known = set(first.tasks)
     rows = [row for row, name in enumerate(second.tasks) if name not in known]
-    n = len(first.tasks) + len(rows)
+    names = (*first.tasks, *(second.tasks[row] for row in rows))
     arrays = {
         name: np.concatenate([getattr(first, name), getattr(second, name)[rows]])
         for name in ("c_rob", "c_hum", "c_fail", "c_demo", "pretrained", "teachable", "demos", "learnt")
@@ -154,10 +157,10 @@ def _joined(first: Orders, second: Orders) -> Orders:
     remarks = first.remarks if second is first else (*first.remarks, *second.remarks)
     return replace(
         first,
-        tasks=(*first.tasks, *(second.tasks[row] for row in rows)),
+        tasks=names,
         lines=(*first.lines, *(second.lines[row] for row in rows)),
-        choice=np.full(n, int(Ruling.FREE)),
-        count=np.full(n, 2),  # or how well a lesson does its own task would not be asked for
+        choice=np.full(len(names), int(Ruling.FREE)),
+        count=np.where(np.isin(names, types.tasks), 2, np.concatenate([first.count, second.count[rows]])),
         remarks=remarks,
         **arrays,
     )
@@ -207,7 +210,7 @@ def _today(both: Shop, today: Orders, order: ShopOrder, arcs: IntArray | None, l
 
 def _tomorrow(today: Orders, types: Orders, table: Sheet, team: Sheet | None) -> Shop:
     """All tasks at tomorrow's costs; what lessons are worth is not looked at."""
-    return shop_of_orders(_joined(types, today), table, team, "any", fill=0.0).shop
+    return shop_of_orders(_joined(types, today, types), table, team, "any", fill=0.0).shop
 
 
 def _program(both: Shop, shop: Shop, then: Shop, types: Orders, counts: Array, commit: Commit) -> TwoStage:

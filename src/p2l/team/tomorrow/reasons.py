@@ -145,7 +145,7 @@ def explain_estimate(estimate: Estimate) -> str:
         return f"There was time for {what} only; too few for an interval."
     return (
         f"Over {what} tomorrow costs {estimate.tomorrow:,.1f} ({estimate.low:,.1f} to {estimate.high:,.1f}, 95 %), and "
-        f"this plan at most {gap.upper:,.1f} more than the best one (95 %; on average {gap.mean:,.1f})."
+        f"this plan at most {gap.upper:,.2f} more than the best one (95 %; on average {gap.mean:,.2f})."
     )
 
 
