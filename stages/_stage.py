@@ -37,7 +37,7 @@ from yaml import YAMLError  # type: ignore[import-untyped]
 from p2l.artifacts import config_hash, write_text
 from p2l.errors import P2LError
 from p2l.manifest import check_place, write_manifest
-from p2l.schema import PATHS, StageConfig, resolve, validate
+from p2l.schema import StageConfig, paths_of, resolve, validate
 from p2l.text import printable
 from p2l.tracking import RUN_FILE, RunCard, Tracker, safe_uri, start
 from stages import ROOT
@@ -50,7 +50,6 @@ FinishedCheck = Callable[[ConfigT, Path], str | None]
 STOPPED_VARIABLE = "P2L_STOPPED"  # says to what ends at exit that this process was stopped
 PARENT_VARIABLE = "P2L_PARENT_RUN"
 CONFIG_FILE, LOG_FILE = "config.yaml", "stage.log"
-_PATHS = PATHS | {"hydra.run.dir"}  # files and folders that a person names on the command line
 _ALWAYS = ("hydra.output_subdir=null", "hydra/job_logging=none")  # this module keeps the config and the log
 
 
@@ -95,18 +94,18 @@ def stage(
 
         @functools.wraps(function)
         def main() -> None:
-            sys.exit(_command_line(name, entry))
+            sys.exit(_command_line(name, paths_of(schema) | {"hydra.run.dir"}, entry))
 
         return main
 
     return decorate
 
 
-def _command_line(name: str, entry: Callable[[], Any]) -> int:
-    """Run Hydra on the command line; returns the exit code."""
+def _command_line(name: str, paths: frozenset[str], entry: Callable[[], Any]) -> int:
+    """Run Hydra on the command line, where `paths` are the keys of files and folders; returns the exit code."""
     os.environ["HYDRA_FULL_ERROR"] = "1"  # else Hydra reports errors in its own way and exits with 1
     command = safe_uri(shlex.join(["python", "-m", f"stages.{name}", *sys.argv[1:]]))
-    sys.argv[1:] = _arguments(sys.argv[1:])
+    sys.argv[1:] = _arguments(sys.argv[1:], paths)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # an ASCII terminal is no reason to fail after the work is done
             stream.reconfigure(errors="backslashreplace")
@@ -127,7 +126,7 @@ def _command_line(name: str, entry: Callable[[], Any]) -> int:
     return 0
 
 
-def _arguments(words: list[str]) -> list[str]:
+def _arguments(words: list[str], paths: frozenset[str]) -> list[str]:
     """Options first, since Hydra wants the overrides together; a config path counts from the working folder."""
     options: list[str] = []
     overrides: list[str] = []
@@ -139,18 +138,18 @@ def _arguments(words: list[str]) -> list[str]:
         else:
             (overrides if re.match(r"[^-].*=|~", word) else options).append(word)
     if not {"-m", "--multirun"} & set(options):  # in a sweep a comma separates values
-        overrides = [_plain_path(word) for word in overrides]
+        overrides = [_plain_path(word, paths) for word in overrides]
     keys = {word.partition("=")[0] for word in overrides}
     return options + overrides + [always for always in _ALWAYS if always.partition("=")[0] not in keys]
 
 
-def _plain_path(word: str) -> str:
+def _plain_path(word: str, paths: frozenset[str]) -> str:
     """A person's file as the shell gave it, quoted where Hydra's grammar would read more than a path into it.
 
     What is written for Hydra stays: quotes, escapes, interpolations and null.
     """
     key, _, value = word.partition("=")
-    if key not in _PATHS or value in ("", "null") or value[0] in "'\"" or "\\" in value or "${" in value:
+    if key not in paths or value in ("", "null") or value[0] in "'\"" or "\\" in value or "${" in value:
         return word
     path = os.path.expanduser(value)  # noqa: PTH111 (the shell leaves a ~ after = alone; Path fails without a home)
     if re.fullmatch(r"[\w./-]+", path, re.ASCII):

@@ -13,12 +13,14 @@ from hydra import compose, initialize_config_dir
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from mlflow import MlflowClient
 
+from p2l.schema import SCHEMAS, paths_of
 from stages import collect
 from stages._stage import _arguments
 from tests import waiting
 
 ROOT = Path(__file__).resolve().parents[2]
 STAGES = sorted(path.stem for path in (ROOT / "stages").glob("[a-z]*.py"))
+PATHS = frozenset({"hydra.run.dir"}).union(*map(paths_of, SCHEMAS.values()))
 SMALL = ("domain=lego", "experiment=smoke")
 
 
@@ -108,13 +110,13 @@ def test_a_refused_rerun_leaves_the_earlier_run_as_it_was(tmp_path, monkeypatch)
 @pytest.mark.parametrize("key", ["tasks", "transfer", "failures", "held_out", "learnt", "plan", "hydra.run.dir"])
 def test_a_path_on_the_command_line_may_hold_what_hydra_reads_otherwise(monkeypatch, key, given, meant):
     monkeypatch.setenv("HOME", "/people/of a town")
-    word = _arguments([f"{key}={given}"])[0]
+    word = _arguments([f"{key}={given}"], PATHS)[0]
     assert OverridesParser.create().parse_override(word).value() == meant
 
 
 def test_only_paths_of_a_single_run_are_quoted():
-    assert _arguments(["-m", "tasks=a.csv,b.csv"])[1] == "tasks=a.csv,b.csv"
-    assert _arguments(["study.levels=[0, 1]"])[0] == "study.levels=[0, 1]"
+    assert _arguments(["-m", "tasks=a.csv,b.csv"], PATHS)[1] == "tasks=a.csv,b.csv"
+    assert _arguments(["study.levels=[0, 1]"], PATHS)[0] == "study.levels=[0, 1]"
 
 
 def test_a_bug_keeps_its_traceback_and_is_not_taken_for_bad_input(tmp_path):
