@@ -40,7 +40,8 @@ from p2l.manifest import check_place, write_manifest
 from p2l.schema import StageConfig, paths_of, resolve, validate
 from p2l.text import printable
 from p2l.tracking import RUN_FILE, RunCard, Tracker, safe_uri, start
-from stages import ROOT
+from stages import ROOT, begin
+from stages._place import CONFIG_FILE, LOG_FILE, NOTE_FILE, claim, clear, release
 from stages._stdout import listen
 
 ConfigT = TypeVar("ConfigT", bound=StageConfig)
@@ -49,7 +50,6 @@ FinishedCheck = Callable[[ConfigT, Path], str | None]
 
 STOPPED_VARIABLE = "P2L_STOPPED"  # says to what ends at exit that this process was stopped
 PARENT_VARIABLE = "P2L_PARENT_RUN"
-CONFIG_FILE, LOG_FILE = "config.yaml", "stage.log"
 _ALWAYS = ("hydra.output_subdir=null", "hydra/job_logging=none")  # this module keeps the config and the log
 
 
@@ -110,6 +110,7 @@ def _command_line(name: str, paths: frozenset[str], entry: Callable[[], Any]) ->
         if isinstance(stream, io.TextIOWrapper):  # an ASCII terminal is no reason to fail after the work is done
             stream.reconfigure(errors="backslashreplace")
     listen()
+    begin()
     signal.signal(signal.SIGTERM, _terminate)
     try:
         entry()
@@ -219,7 +220,7 @@ def _stop_behind(error: BaseException | None) -> BaseException | None:
 
 def _what_goes_on(name: str, out: Path, before: set[Path]) -> str:
     """What a stopped job has left, and the command that goes on from it."""
-    ours = {out / RUN_FILE, out / LOG_FILE}
+    ours = {out / RUN_FILE, out / LOG_FILE, out / NOTE_FILE}
     left = {file for file in out.rglob("*") if file.is_file()} - before - ours
     if not left:
         _clear(out, before)
@@ -245,6 +246,7 @@ def _run(
     if finished is not None and (message := finished(cfg, out)):
         print(message)
         return
+    claim(name, out)
     plain = cfg.model_dump(mode="json")
     if cfg.tracking.uri is not None:
         plain["tracking"]["uri"] = safe_uri(cfg.tracking.uri)
@@ -262,6 +264,7 @@ def _run(
         function(cfg, out, track)
         write_text(out / CONFIG_FILE, OmegaConf.to_yaml(OmegaConf.create(plain)))
         write_manifest(out, frozenset({CONFIG_FILE}))
+        release(out)
     print(f"stage {name}: outputs in {os.path.relpath(out)}")
 
 
@@ -289,10 +292,5 @@ def _log_to(out: Path) -> None:
 
 
 def _clear(out: Path, before: set[Path]) -> None:
-    """Take away what this module wrote, so that a refused input leaves what was there before, or nothing."""
     logging.basicConfig(handlers=[logging.StreamHandler()], force=True)
-    for file in (out / RUN_FILE, out / LOG_FILE):
-        if file not in before:
-            file.unlink(missing_ok=True)
-    if not before and not any(out.iterdir()):
-        out.rmdir()
+    clear(out, before)

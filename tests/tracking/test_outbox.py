@@ -6,6 +6,7 @@ import signal
 import socket
 import subprocess
 import sys
+import urllib.request
 from pathlib import Path
 
 import pytest
@@ -62,8 +63,17 @@ def server(tmp_path):
 
 
 def is_up(port):
-    with socket.socket() as probe:
-        return probe.connect_ex(("127.0.0.1", port)) == 0
+    """Whether the server answers; its port is open long before, and on a busy machine too long for a stage to wait."""
+    asked = urllib.request.Request(
+        f"http://127.0.0.1:{port}/api/2.0/mlflow/experiments/search",
+        data=b'{"max_results": 1}',
+        headers={"Content-Type": "application/json"},
+    )
+    try:
+        with urllib.request.urlopen(asked, timeout=waiting.IDLE_S) as answer:
+            return answer.status == 200
+    except (OSError, ValueError):
+        return False
 
 
 def test_a_server_that_dies_slows_nothing_and_gets_everything_when_it_is_back(server, tmp_path, caplog):
