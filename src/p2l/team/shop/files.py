@@ -32,10 +32,10 @@ _PARTS = ("multipliers", "row", "parent", "facility", "is_open", "prices")
 
 
 def check_shop_place(folder: Path | str, inputs: Sequence[Path] = (), files: Sequence[str] = FILES) -> None:
-    """Refuse a folder in which a plan would take the place of a file that is no plan of ours.
+    """Refuse a folder in which a plan would take the place of what it is made from, such as an earlier plan.
 
     Raises:
-        ArtifactError: `folder` is a file, an input would be overwritten, or there is a `plan.csv` that is no plan.
+        ArtifactError: `folder` is a file, or an input would be overwritten.
     """
     place = Path(folder)
     if place.is_file():
@@ -43,17 +43,6 @@ def check_shop_place(folder: Path | str, inputs: Sequence[Path] = (), files: Seq
     for path in (place / name for name in files if (place / name).exists()):
         if any(each.exists() and each.samefile(path) for each in inputs):
             raise ArtifactError(f"{path}: is an input, and the plan would overwrite it; name another folder")
-    try:
-        with (place / TABLE).open(encoding="utf-8", errors="replace") as stream:
-            head = stream.readline().strip().split(",")
-    except OSError:  # there is none, or it will be told when it is written
-        if others := [name for name in files if (place / name).exists()]:
-            raise ArtifactError(
-                f"{place / others[0]}: is there already, without a plan of ours beside it; name another folder"
-            ) from None
-        return
-    if head != [""] and not (head[:2] == _FIRST and set(_LAST) <= set(head)):
-        raise ArtifactError(f"{place / TABLE}: is there already, and no plan of ours; name another folder")
 
 
 def of_plan(plan: Plan) -> ShopPlan:

@@ -30,6 +30,7 @@ from p2l.team.shop.record import Shop, ShopCertificate
 from p2l.team.shop.reduction import Reduction
 
 _SMALL = 40  # demands up to which HiGHS is asked for the relaxation first, as for the thesis's problems
+_TINY = 20  # demands up to which HiGHS also branches: 2 to 8 ms, where compiled kernels take 7 to 23, and 450 to load
 _MAKING = 0.4  # share of the time that making the instance may take, since checking takes as long
 _CHECKING = 1.5  # times as long, to be safe
 
@@ -212,7 +213,7 @@ class OrderSearch(ABC, Generic[FoundPlan]):
         known = None if parent.leaf is None else np.minimum(parent.leaf.multipliers[parent.leaf.row[0]], pairs.outside)
         if not used.any() or self._is_within(reduction, limits, self._quick(reduction)):
             free = facility.solve_small_or_large(
-                pairs, self.deadline, self.gap, few=few, multipliers=known, open_set=parent.open_set
+                pairs, self.deadline, self.gap, few=few, tiny=_TINY, multipliers=known, open_set=parent.open_set
             )
             if self._is_within(reduction, limits, free.open):
                 return free
