@@ -18,6 +18,7 @@ from p2l.team.shop.explain import break_even_rows, explain_shop, reason_rows
 from p2l.team.shop.files import check_shop_place, of_plan, write_shop_plan
 from p2l.team.shop.reading import Filling, ShopReading, read_shop
 from p2l.team.shop.reasons import reasons_of
+from p2l.team.shop.saved import save_shop
 from p2l.tracking import Tracker
 
 Order = Literal["fixed", "any"]
@@ -63,6 +64,7 @@ def plan_own_tasks(cfg: PlanConfig, out: Path, track: Tracker) -> None:
         out / "plan.html", shop, day, why, reading.remarks, picture, cfg.subject,
         break_even=near, without_lessons=alone,
     )  # fmt: skip
+    save_shop(out, reading.saved)
     write_shop_plan(out, shop, day, reasons, extra=reading.extra, remarks=reading.remarks)
     track.metrics({"objective": day.objective, "lower_bound": day.lower_bound, "seconds": day.seconds})
     for name in ("plan.png", "plan.html"):

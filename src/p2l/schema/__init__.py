@@ -13,6 +13,7 @@ from typing import get_args
 
 from p2l.schema.base import ArchivedStageConfig, StageConfig, resolve, validate
 from p2l.schema.chains import ChainRecoveriesConfig, EvaluateChainsConfig, ExportConfig
+from p2l.schema.day import DayConfig
 from p2l.schema.metareskill import (
     EvaluateRecoveriesConfig,
     FitPreconditionsConfig,
@@ -29,6 +30,7 @@ SCHEMAS: Mapping[str, type[StageConfig]] = {
     "fit_transfer": FitTransferConfig,
     "plan": PlanConfig,
     "check_plan": CheckPlanConfig,
+    "day": DayConfig,
     "predict_transfer": PredictTransferConfig,
     "evaluate_team": EvaluateTeamConfig,
     "fit_preconditions": FitPreconditionsConfig,
@@ -61,6 +63,7 @@ __all__ = [
     "ClusterConfig",
     "CollectConfig",
     "ConfigStageConfig",
+    "DayConfig",
     "DiscoverConfig",
     "EvaluateChainsConfig",
     "EvaluateRecoveriesConfig",
