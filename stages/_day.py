@@ -103,7 +103,8 @@ class Walk:
         left = 0 if day.rest is None else int(day.rest.shop.count.sum())
         if not left:
             return f"The day is done: {len(day.events)} outcomes, cost {day.spent:,.1f}."
-        return f"{left} tasks are left after {len(day.events)} outcomes. {self._costs()}"
+        tasks = "1 task is" if left == 1 else f"{left} tasks are"
+        return f"{tasks} left after {len(day.events)} outcomes. {self._costs()}"
 
     def _enter(self, entry: Entry, name: str) -> None:
         before = self.day

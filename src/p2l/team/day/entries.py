@@ -58,12 +58,12 @@ def event_of(day: Day, entry: Entry) -> Event:
             raise EventError("copy", f"'{entry['copy']}' is no number of a copy")
         copy = int(entry["copy"])
     if not entry["decision"]:
-        return Event(task, copy, step.decision, step.robot, step.lesson, outcome, entry["note"])
+        return Event(task, copy, step.decision, step.robot, step.lesson, outcome, _note(entry))
     decision = _DECISIONS.get(entry["decision"].casefold())
     if decision is None:
         raise EventError("decision", f"'{entry['decision']}' is no decision; give {', '.join(_DECISIONS)}")
     robot, lesson = _robot(day, entry, decision, step), _lesson(day, entry, decision, step)
-    return Event(task, copy, decision, robot, lesson, outcome, entry["note"])
+    return Event(task, copy, decision, robot, lesson, outcome, _note(entry))
 
 
 def cells_of(day: Day, number: int, key: str) -> dict[str, str]:
@@ -77,7 +77,7 @@ def cells_of(day: Day, number: int, key: str) -> dict[str, str]:
         "robot": guarded_cell(shop.robots[event.robot]) if event.robot >= 0 else "",
         "lesson": guarded_cell(shop.lessons[event.lesson]) if event.lesson >= 0 else "",
         "outcome": str(event.outcome),
-        "note": guarded_cell(" ".join(event.note.split())),  # a row is a line, so that half a row is told
+        "note": guarded_cell(event.note),
         "plan": key,
     }
 
@@ -108,6 +108,12 @@ def replay(day: Day, entries: Iterable[Entry], name: str, seen: Callable[[Day, D
             seen(day, after)
         day = after
     return Replay(day)
+
+
+def _note(entry: Entry) -> str:
+    """In one line, so that half a row is told; without the apostrophe that our own tables put before a formula."""
+    note = " ".join(entry["note"].split())
+    return note[1:] if note.startswith("'") and guarded_cell(note[1:]) == note else note
 
 
 def _step(day: Day, entry: Entry) -> Step:
