@@ -24,6 +24,7 @@ WRITES: Mapping[str, tuple[str, ...]] = {
     "cluster": ("modes.*", "labels.npz", "videos/*", "summary.json"),
     "collect": ("transfer_data.npz", "strategy.png", "summary.json"),
     "config": ("*/**/*",),  # it deletes the folders of items that are no more
+    "day": ("rest.csv",),  # day.csv, which people correct, names its plan itself
     "discover": ("failures_*.npz", "summary.json"),
     "evaluate_chains": ("*.csv", "*.png", "episodes.parquet", "videos/*", "summary.json"),
     "evaluate_recoveries": ("*.csv", "*.png", "episodes.parquet", "summary.json"),
@@ -34,8 +35,8 @@ WRITES: Mapping[str, tuple[str, ...]] = {
     "iterate_recoveries": ("success.*", "summary.json", "s[0-9]*/**/*"),
     "learn_recoveries": ("*.csv", "*.png", "recoveries/*", "histories/*", "graphs/*", "videos/*", "summary.json"),
     "plan": (
-        "plan.csv", "plan.json", "plan.png", "plan.html", "reasons.csv", "certificate.npz", "plans.parquet",
-        "summary.json",
+        "plan.csv", "plan.json", "plan.png", "plan.html", "reasons.csv", "tomorrow.csv", "certificate.npz", "shop.npz",
+        "plans.parquet", "summary.json",
     ),
     "predict_transfer": ("transfer.csv", "transfer.png", "next_trials.csv", "summary.json"),
     "report": ("index.html", "tables/*", "figures/*", "metrics.json", "headline.json"),

@@ -21,6 +21,7 @@ from p2l.team.shop.files import check_shop_place, of_plan, read_shop_plan, setti
 from p2l.team.shop.reading import Filling, ShopReading, read_shop
 from p2l.team.shop.reasons import reasons_of
 from p2l.team.shop.reasons_check import check_reasons
+from p2l.team.shop.saved import save_shop
 from p2l.tracking import Tracker
 
 Order = Literal["fixed", "any"]
@@ -69,6 +70,7 @@ def plan_own_tasks(cfg: PlanConfig, out: Path, track: Tracker) -> None:
     alone = None if math.isnan(reasons.alone) else reasons.alone
     content = PageContent(shop, day, cfg.subject, why, near, alone, reading.remarks, picture)
     write_page(out / "plan.html", content)
+    save_shop(out, reading.saved)
     write_shop_plan(out, shop, day, reasons, extra=reading.extra, remarks=reading.remarks)
     track.metrics({"objective": day.objective, "lower_bound": day.lower_bound, "seconds": day.seconds})
     for name in ("plan.png", "plan.html"):

@@ -15,6 +15,7 @@ from p2l.schema.base import ArchivedStageConfig, StageConfig, paths_of, resolve,
 
 if TYPE_CHECKING:
     from p2l.schema.chains import ChainRecoveriesConfig, EvaluateChainsConfig, ExportConfig
+    from p2l.schema.day import DayConfig
     from p2l.schema.metareskill import (
         EvaluateRecoveriesConfig,
         FitPreconditionsConfig,
@@ -32,6 +33,7 @@ _HOMES = {  # module → stage → model
         "evaluate_chains": "EvaluateChainsConfig",
         "export": "ExportConfig",
     },
+    "day": {"day": "DayConfig"},
     "metareskill": {
         "fit_preconditions": "FitPreconditionsConfig",
         "learn_recoveries": "LearnRecoveriesConfig",
@@ -86,6 +88,7 @@ __all__ = [
     "ClusterConfig",
     "CollectConfig",
     "ConfigStageConfig",
+    "DayConfig",
     "DiscoverConfig",
     "EvaluateChainsConfig",
     "EvaluateRecoveriesConfig",

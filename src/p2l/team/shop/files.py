@@ -20,10 +20,11 @@ from p2l.team.shop.explain import tasks_of
 from p2l.team.shop.reasons import Reasons
 from p2l.team.shop.record import SHOP_ORDERS, Shop, ShopCertificate, ShopPlan
 from p2l.team.shop.rows import plan_rows
+from p2l.team.shop.saved import SHOP
 from p2l.text import guarded_cell
 
 TABLE, SUMMARY, PROOF, REASONS = "plan.csv", "plan.json", "certificate.npz", "reasons.csv"
-FILES = (TABLE, SUMMARY, PROOF, REASONS, "plan.png", "plan.html")
+FILES = (TABLE, SUMMARY, PROOF, REASONS, SHOP, "plan.png", "plan.html")
 WITHOUT, UNKNOWN = "without_lessons", "unknown_reasons"  # keys of plan.json
 _FIRST, _LAST = ["order", "task"], ["skill", "p_success", "expected_cost"]
 _GROUPS = {"taught": np.int64, "sequence": np.int64, "decision": np.int64, "robot": np.int64, "lesson": np.int64,

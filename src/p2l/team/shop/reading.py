@@ -23,6 +23,7 @@ from p2l.team.shop.possible import lessons_to_give, refuse_impossible
 from p2l.team.shop.record import SHOP_ORDERS, Ruling, Shop, ShopOrder
 from p2l.team.shop.reduction import too_late
 from p2l.team.shop.robots import Robots, read_before, read_robots
+from p2l.team.shop.saved import SavedShop
 
 Filling = Callable[[tuple[str, ...], tuple[str, ...]], Array]
 
@@ -36,12 +37,19 @@ class ShopReading:
         remarks: what was assumed, a sentence each.
         extra: columns of the orders that are not ours: n cells of each, by its name as written.
         family: [n] family of each task, '' where it has none; None if the orders have no such column.
+        trials: [R, L, n] attempts behind each transfer probability, 0 where nobody has counted any.
     """
 
     shop: Shop
     remarks: tuple[str, ...]
     extra: Mapping[str, tuple[str, ...]]
     family: tuple[str, ...] | None
+    trials: Array
+
+    @property
+    def saved(self) -> SavedShop:
+        """What a day needs of it."""
+        return SavedShop(self.shop, self.trials, self.extra)
 
 
 def read_shop(
@@ -163,6 +171,7 @@ def shop_of_orders(
         remarks=(*today.remarks, *team.remarks, *remarks, *measured.remarks, *gaps, *hints),
         extra=today.extra,
         family=today.family,
+        trials=_trials(shop, measured),
     )
 
 
@@ -261,6 +270,14 @@ def _useful(shop: Shop) -> BoolArray:
     own = np.arange(shop.n)
     useful[:, own, own] &= shop.count > 1
     return useful
+
+
+def _trials(shop: Shop, measured: Measured) -> Array:
+    """[R, L, n] attempts behind each probability."""
+    trials = np.repeat(measured.trials[None], len(shop.robots), 0)
+    for robot, own in measured.own.items():
+        trials[robot] = np.where(np.isnan(own), trials[robot], measured.own_trials[robot])
+    return trials
 
 
 def _scaled(shop: Shop, values: Array, measured: Measured, team: Robots, orders: Orders) -> Array:
