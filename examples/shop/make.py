@@ -16,7 +16,7 @@ FAMILIES = {  # tasks; typical diameter in mm, length in mm, clearance in µm, m
     "screw": (4, 5, 16, 120, 0.01), "clip": (3, 10, 15, 400, 0.02), "bearing": (3, 22, 8, 15, 0.08),
     "cover": (2, 80, 5, 600, 0.40), "cable": (2, 6, 200, 800, 0.15), "spring": (2, 9, 35, 500, 0.02),
 }  # fmt: skip
-CATALOGUE = ("peg_5", "connector_4", "screw_4")  # lessons that could be given, and no orders of today
+CATALOGUE = {"peg_5": 10, "connector_4": 17, "screw_4": 18}  # lessons that are on no order of today; minutes
 COSTS = ((1, 4), (8, 15), (8, 20), (15, 30))  # minutes
 BEFORE = (("peg", "bearing"), ("bearing", "gear"), ("gear", "cover"), ("connector", "cable"))  # of each machine
 HEADERS = {"features": "task,diameter_mm,length_mm,clearance_um,mass_kg,material,family", "before": "before,after",
@@ -56,6 +56,8 @@ def main(folder=Path(__file__).parent, seed=3, n_trials=60):
     for name, table in (("features", rows), ("trials", trials), ("orders", orders), ("before", arcs)):
         with (Path(folder) / f"{name}.csv").open("w", encoding="utf-8", newline="") as stream:
             csv.writer(stream, lineterminator="\n").writerows([HEADERS[name].split(","), *table])
+    lessons = [f"cobot,{lesson},{minutes}\n" for lesson, minutes in CATALOGUE.items()]
+    (Path(folder) / "robots.csv").write_text("".join(["robot,task,c_demo\n", *lessons]), encoding="utf-8", newline="")
     return p
 
 
