@@ -11,14 +11,16 @@ import numpy as np
 from p2l.errors import ConfigError, InputError
 from p2l.records import Array
 from p2l.schema import CheckPlanConfig, PlanConfig
+from p2l.team.certificate import Verdict
 from p2l.team.columns import likeness
 from p2l.team.planners import plan
 from p2l.team.sheets import check_standard_input
-from p2l.team.shop import Shop, ShopPlan, plan_shop
+from p2l.team.shop import Shop, ShopPlan, check_shop_plan, plan_shop
 from p2l.team.shop.explain import break_even_rows, explain_shop, reason_rows
-from p2l.team.shop.files import check_shop_place, of_plan, write_shop_plan
+from p2l.team.shop.files import check_shop_place, of_plan, read_shop_plan, settings_of, write_shop_plan
 from p2l.team.shop.reading import Filling, ShopReading, read_shop
 from p2l.team.shop.reasons import reasons_of
+from p2l.team.shop.reasons_check import check_reasons
 from p2l.tracking import Tracker
 
 Order = Literal["fixed", "any"]
@@ -41,8 +43,13 @@ def read_own_tasks(
         max_lessons=math.inf if max_lessons is None else max_lessons,
         max_teaching=math.inf if max_teaching is None else max_teaching,
         fill=cfg.fill,
-        filling=None if cfg.features is None else _predictor(cfg.features, cfg.trials, cfg.seed),
+        filling=filling_of(cfg),
     )
+
+
+def filling_of(cfg: PlanConfig | CheckPlanConfig) -> Filling | None:
+    """The model of missing pairs that a configuration asks for."""
+    return None if cfg.features is None else _predictor(cfg.features, cfg.trials, cfg.seed)
 
 
 def plan_own_tasks(cfg: PlanConfig, out: Path, track: Tracker) -> None:
@@ -69,6 +76,22 @@ def plan_own_tasks(cfg: PlanConfig, out: Path, track: Tracker) -> None:
     for remark in reading.remarks:
         print(f"Note: {remark}")
     print(explain_shop(shop, day, reasons))
+
+
+def check_today(cfg: CheckPlanConfig) -> tuple[Verdict, str, list[str]]:
+    """What was recomputed, of what, and what else was found to be so."""
+    from p2l.evaluation.team.page import check_page
+
+    reading = read_own_tasks(cfg, *settings_of(cfg.plan))
+    shop = reading.shop
+    day = read_shop_plan(cfg.plan, shop, reading.extra)
+    verdict = check_shop_plan(shop, day)
+    notes = ["plan.html shows this cost and this day."] if check_page(cfg.plan / "plan.html", shop, day) else []
+    reasons = check_reasons(cfg.plan, shop, day, time_limit_s=cfg.reasons_s)
+    if reasons is not None:
+        rest = f"; {reasons.unknown} were not, for want of time (reasons_s=…)" if reasons.unknown else ""
+        notes.append(f"reasons.csv: {reasons.compared} numbers solved for again, all are the same{rest}.")
+    return verdict, f"{int(shop.count.sum())} tasks, order {shop.order}", notes
 
 
 def _plan(cfg: PlanConfig, shop: Shop) -> ShopPlan:

@@ -13,8 +13,12 @@ from stages._stage import stage
 
 @stage("plan", PlanConfig)
 def run(cfg: PlanConfig, out: Path, track: Tracker) -> None:
-    """Plan a person's own tasks, or the sets of the domain's study."""
-    if cfg.tasks is not None and cfg.transfer is not None:
+    """Plan a person's own tasks, for an uncertain tomorrow or without one, or the sets of the domain's study."""
+    if cfg.tasks is not None and cfg.has_future:
+        from stages._tomorrow import plan_both_days
+
+        plan_both_days(cfg, out, track)
+    elif cfg.tasks is not None and cfg.transfer is not None:
         from stages._shop import plan_own_tasks
 
         plan_own_tasks(cfg, out, track)

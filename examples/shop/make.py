@@ -1,4 +1,4 @@
-"""Make features.csv, trials.csv, orders.csv and before.csv of a made-up shop: python -m examples.shop.make [folder].
+"""Make the tables of a made-up shop, and forecast.csv for tomorrow: python -m examples.shop.make [folder].
 
 28 tasks of 9 families. The hidden truth, which no file tells: a skill taught on i solves j with probability
 sigmoid(2.5 - 2.5 [other family] - 0.8 [other material] - 0.8 |log2 ratio of diameters| - 0.2 |log2 ratio of lengths|
@@ -21,6 +21,7 @@ COSTS = ((1, 4), (8, 15), (8, 20), (15, 30))  # minutes
 BEFORE = (("peg", "bearing"), ("bearing", "gear"), ("gear", "cover"), ("connector", "cable"))  # of each machine
 HEADERS = {"features": "task,diameter_mm,length_mm,clearance_um,mass_kg,material,family", "before": "before,after",
            "trials": "taught,tested,successes,attempts",
+           "forecast": "task,mean,distribution", "robots": "robot,task,c_demo",
            "orders": "task,c_rob,c_hum,c_fail,c_demo,pretrained,family,count"}  # fmt: skip
 
 
@@ -42,7 +43,7 @@ def truth(rows, rng):
 
 
 def main(folder=Path(__file__).parent, seed=3, n_trials=60):
-    """Write the four files; returns the hidden truth."""
+    """Write the files; returns the hidden truth."""
     rng = np.random.default_rng(seed)
     p, alike = truth(rows := list(tasks(rng)), rng)
     odds = np.where(alike, 12.0, 1.0) / np.where(alike, 12.0, 1.0).sum()  # who tries, tries what looks alike
@@ -51,13 +52,16 @@ def main(folder=Path(__file__).parent, seed=3, n_trials=60):
     trials = [[rows[i][0], rows[j][0], rng.binomial(n, p[i, j]), n] for i, j, n in pairs]
     orders = [[r[0], *(rng.integers(*span) for span in COSTS), 0.8 * (r[6] == "cover"), r[6], rng.integers(1, 4)]
               for r in rng.permutation(np.array(rows, dtype=object)).tolist() if r[0] not in CATALOGUE]  # fmt: skip
+    kinds = ["poisson", "geometric"]
+    expected = [[order[0], rng.choice([0, 0.5, 1, 3]), rng.choice(kinds)] for order in sorted(orders)]
     today = {order[0] for order in orders}
     arcs = [pair for a, b in BEFORE for k in "123" if today.issuperset(pair := (f"{a}_{k}", f"{b}_{k}"))]
-    for name, table in (("features", rows), ("trials", trials), ("orders", orders), ("before", arcs)):
+    lessons = [("cobot", *lesson) for lesson in CATALOGUE.items()]
+    tables = {"features": rows, "trials": trials, "orders": orders, "before": arcs, "forecast": expected,
+              "robots": lessons}  # fmt: skip
+    for name, table in tables.items():
         with (Path(folder) / f"{name}.csv").open("w", encoding="utf-8", newline="") as stream:
             csv.writer(stream, lineterminator="\n").writerows([HEADERS[name].split(","), *table])
-    lessons = [f"cobot,{lesson},{minutes}\n" for lesson, minutes in CATALOGUE.items()]
-    (Path(folder) / "robots.csv").write_text("".join(["robot,task,c_demo\n", *lessons]), encoding="utf-8", newline="")
     return p
 
 

@@ -20,6 +20,7 @@ from p2l.schema.base import (
     Probability,
     StageConfig,
 )
+from p2l.schema.tomorrow import Future, FutureFiles
 from p2l.team.study import Regime, Study
 
 
@@ -162,7 +163,7 @@ class ShopFiles(ConfigSection):
         return tuple(path for path in (self.before, self.robots, self.features, self.trials) if path is not None)
 
 
-class PlanConfig(StudyStageConfig, ShopFiles):
+class PlanConfig(StudyStageConfig, ShopFiles, Future):
     """Stage `plan`: a person's own tasks (`tasks` and `transfer` given), else sets drawn from the domain.
 
     Planners: see `p2l.team.PLANNERS`; the stage refuses an unknown one. `theta` is the confidence of CBA. `order` is
@@ -190,7 +191,10 @@ class PlanConfig(StudyStageConfig, ShopFiles):
             raise ValueError(f"{missing} is missing; give tasks=<orders.csv> and transfer=<transfer.csv> together")
         if self.before is not None and self.order is not None:
             raise ValueError(f"order={self.order} and before=…: a partial order is an order of its own; leave one out")
-        own = ("order", "max_lessons", "max_teaching", "before", "robots", "fill", "features", "trials")
+        own = ("order", "max_lessons", "max_teaching", "before", "robots", "fill", "features", "trials", "scenarios",
+               "forecast", "tomorrow")  # fmt: skip
+        if self.has_future and self.planner != "auto":
+            raise ValueError(f"planner={self.planner}: plans today only; an uncertain tomorrow has planner=auto")
         changes = {"planner": self.planner != "auto", "gap": self.gap != 0.0}
         changes |= {name: getattr(self, name) not in (None, "fixed") for name in own}
         if self.tasks is None and any(changes.values()):
@@ -209,7 +213,7 @@ class PlanConfig(StudyStageConfig, ShopFiles):
         return self.planner
 
 
-class CheckPlanConfig(StageConfig, ShopFiles):
+class CheckPlanConfig(StageConfig, ShopFiles, FutureFiles):
     """Stage `check_plan`: the plan in a folder against the tasks that it was made for."""
 
     tasks: Path

@@ -34,6 +34,8 @@ class Instance(NamedTuple):
         block: service costs [high - low, F] of demands `low` to before `high`, infinite where there is no service.
         weights: [K, F] what each facility takes of the K limits, if there are any.
         limits: [K] what the open facilities may take together.
+        pairs: where most services are infinite: demand, facility and cost [Z] of the finite ones of demands `low` to
+            before `high`, in place of their block.
     """
 
     opening: Array
@@ -42,6 +44,7 @@ class Instance(NamedTuple):
     block: Callable[[int, int], Array]
     weights: Array | None = None
     limits: Array | None = None
+    pairs: Callable[[int, int], tuple[IntArray, IntArray, Array]] | None = None
 
 
 class _Count(NamedTuple):
@@ -153,6 +156,10 @@ def _first(instance: Instance, v: Array, price: Array) -> tuple[float, Array]:
     step = max(1, _BLOCK // max(1, len(saving)))
     for start in range(0, len(v), step):
         end = min(len(v), start + step)
+        if instance.pairs is not None:
+            demand, facility, cost = instance.pairs(start, end)
+            saving += np.bincount(facility, np.maximum(v[demand] - cost, 0.0), len(saving))
+            continue
         saving += np.maximum(v[start:end, None] - instance.block(start, end), 0.0).sum(axis=0)
     return _lagrangian(instance, price, _Count(), np.zeros(len(saving), dtype=np.int8), v, saving)
 
@@ -211,13 +218,22 @@ def _start(instance: Instance, v: Array, gain: Array, low: float, target: float)
     step = max(1, _BLOCK // max(1, len(state)))
     for start in range(0, len(v), step):
         end = min(len(v), start + step)
-        cost = instance.block(start, end)
-        row, column = np.nonzero((cost < instance.outside[start:end, None]) & ~(cost >= target * (1.0 + _ROUNDING)))
-        pairs = decided._replace(demand=row + start, facility=column, cost=cost[row, column])
+        demand, facility, cost = _services(instance, start, end)
+        left = (cost < instance.outside[demand]) & ~(cost >= target * (1.0 + _ROUNDING))
+        pairs = decided._replace(demand=demand[left], facility=facility[left], cost=cost[left])
         rest = _without(pairs, v, gain, low, target)
         parts.append((rest.demand, rest.facility, rest.cost))
-    demand, facility, costs = (np.concatenate(part) for part in zip(*parts, strict=True))
-    return decided._replace(demand=demand, facility=facility, cost=costs)
+    demand, facility, cost = (np.concatenate(part) for part in zip(*parts, strict=True))
+    return decided._replace(demand=demand, facility=facility, cost=cost)
+
+
+def _services(instance: Instance, start: int, end: int) -> tuple[IntArray, IntArray, Array]:
+    """Demand, facility and cost of services below the outside options, or of more than these."""
+    if instance.pairs is not None:
+        return instance.pairs(start, end)
+    cost = instance.block(start, end)
+    row, column = np.nonzero(cost < instance.outside[start:end, None])
+    return row + start, column, cost[row, column]
 
 
 def _without(case: _Case, v: Array, gain: Array, low: float, target: float) -> _Case:

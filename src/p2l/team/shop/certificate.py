@@ -67,7 +67,23 @@ def shop_bound(shop: Shop, proof: ShopCertificate) -> float:
     Raises:
         SolverError: cases that leave something out, a leaf without a certificate, or one of another shop.
     """
-    below, services = _below(proof), _services(shop)
+    services = services_of(shop)
+    return cases_bound(shop, proof, len(shop.groups[0]), lambda dropped: instance_of(shop, services, dropped))
+
+
+def cases_bound(shop: Shop, proof: ShopCertificate, demands: int, instance: Callable[[BoolArray], Instance]) -> float:
+    """The lowest bound of the cases of a day's order of work.
+
+    Args:
+        shop: the day, whose groups of copies are the first demands.
+        proof: the cases.
+        demands: how many demands the instances have.
+        instance: that of a case, from the pairs [L, G] that are left out of it.
+
+    Raises:
+        SolverError: as `shop_bound`.
+    """
+    below = _below(proof)
     lowest, waiting = math.inf, [(0, np.zeros((len(shop.lessons), len(shop.groups[0])), dtype=bool))]
     while waiting:
         case, dropped = waiting.pop()
@@ -80,9 +96,9 @@ def shop_bound(shop: Shop, proof: ShopCertificate) -> float:
                 waiting.append((each, less))
             continue
         leaf = proof.leaf[case]
-        if leaf is None or leaf.multipliers.shape[1] != len(shop.groups[0]):
+        if leaf is None or leaf.multipliers.shape[1] != demands:
             raise SolverError(f"certificate: case {case} has no proof of this shop")
-        lowest = min(lowest, tree_bound(_instance(shop, services, dropped), leaf))
+        lowest = min(lowest, tree_bound(instance(dropped), leaf))
     return lowest
 
 
@@ -109,7 +125,7 @@ def _check_circle(shop: Shop, pairs: list[tuple[int, int]]) -> None:
             raise SolverError("certificate: the pairs that its cases leave out are no circle")
 
 
-class _Services(NamedTuple):
+class Services(NamedTuple):
     """Facilities of a shop: lesson [F], robot [F], and service costs [high - low, F] of some groups."""
 
     lesson: IntArray
@@ -117,7 +133,8 @@ class _Services(NamedTuple):
     block: Callable[[int, int], Array]
 
 
-def _services(shop: Shop) -> _Services:
+def services_of(shop: Shop) -> Services:
+    """What every lesson of a day, given to any robot, is worth to its groups of copies."""
     task, size = shop.groups
     facilities = [(each, r) for each in range(len(shop.lessons)) for r in range(len(shop.robots))]
     lesson = np.array([each for each, _ in facilities], dtype=np.int64)
@@ -139,12 +156,13 @@ def _services(shop: Shop) -> _Services:
         return cost
 
     if len(task) * len(facilities) > _TABLE:
-        return _Services(lesson, robot, block)
+        return Services(lesson, robot, block)
     table = block(0, len(task))
-    return _Services(lesson, robot, lambda low, high: table[low:high])
+    return Services(lesson, robot, lambda low, high: table[low:high])
 
 
-def _instance(shop: Shop, services: _Services, dropped: BoolArray) -> Instance:
+def instance_of(shop: Shop, services: Services, dropped: BoolArray) -> Instance:
+    """A day as facility location, without the pairs [L, G] that a case leaves out."""
     task, size = shop.groups
     lesson, block = services.lesson, services.block
     may_be = np.array([_may_be_taught(shop, each) for each in lesson.tolist()], dtype=bool)

@@ -29,7 +29,7 @@ def explain_shop(shop: Shop, plan: ShopPlan, reasons: Reasons) -> str:
     if reasons.lessons:
         robot = ("robot",) if len(shop.robots) > 1 else ()
         header = ("lesson", *robot, "costs", "pays for", "saving", "others kept fixed", "given up to")
-        lines.append(_columns([header, *(_row(shop, each) for each in reasons.lessons)], names=(0, 2 + len(robot))))
+        lines.append(aligned([header, *(_row(shop, each) for each in reasons.lessons)], names=(0, 2 + len(robot))))
     if reasons.not_given:
         near = ", ".join(_near(shop, each) for each in reasons.not_given[:_NEAR])
         rest = len(reasons.not_given) - _NEAR
@@ -117,7 +117,8 @@ def _amount(value: float) -> str:
     return "?" if math.isnan(value) else "needed" if math.isinf(value) else f"{value:,.1f}"
 
 
-def _columns(rows: Sequence[Sequence[str]], names: tuple[int, ...]) -> str:
+def aligned(rows: Sequence[Sequence[str]], names: tuple[int, ...]) -> str:
+    """Rows under a header, columns of `names` read from the left and others from the right."""
     widths = [max(len(row[column]) for row in rows) for column in range(len(rows[0]))]
     lines = [
         "  ".join(

@@ -31,7 +31,7 @@ _GROUPS = {"taught": np.int64, "sequence": np.int64, "decision": np.int64, "robo
 _PARTS = ("multipliers", "row", "parent", "facility", "is_open", "prices")
 
 
-def check_shop_place(folder: Path | str, inputs: Sequence[Path] = ()) -> None:
+def check_shop_place(folder: Path | str, inputs: Sequence[Path] = (), files: Sequence[str] = FILES) -> None:
     """Refuse a folder in which a plan would take the place of a file that is no plan of ours.
 
     Raises:
@@ -40,14 +40,14 @@ def check_shop_place(folder: Path | str, inputs: Sequence[Path] = ()) -> None:
     place = Path(folder)
     if place.is_file():
         raise ArtifactError(f"{place}: is a file; give a folder to write the plan into")
-    for path in (place / name for name in FILES if (place / name).exists()):
+    for path in (place / name for name in files if (place / name).exists()):
         if any(each.exists() and each.samefile(path) for each in inputs):
             raise ArtifactError(f"{path}: is an input, and the plan would overwrite it; name another folder")
     try:
         with (place / TABLE).open(encoding="utf-8", errors="replace") as stream:
             head = stream.readline().strip().split(",")
     except OSError:  # there is none, or it will be told when it is written
-        if others := [name for name in FILES if (place / name).exists()]:
+        if others := [name for name in files if (place / name).exists()]:
             raise ArtifactError(
                 f"{place / others[0]}: is there already, without a plan of ours beside it; name another folder"
             ) from None
@@ -141,7 +141,7 @@ def write_shop_plan(
     facts = json.dumps(summary, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
     table, why = table_text(shop, plan, extra), reasons_text(shop, reasons)
     if plan.certificate is not None:
-        save_arrays(out / PROOF, _arrays(plan.certificate), schema="shop_certificate", version=1)
+        save_arrays(out / PROOF, proof_arrays(plan.certificate), schema="shop_certificate", version=1)
     write_text(out / REASONS, why)
     write_text(out / TABLE, table)
     write_text(out / SUMMARY, facts)
@@ -180,7 +180,7 @@ def read_shop_plan(folder: Path | str, shop: Shop, extra: Mapping[str, tuple[str
         plan = ShopPlan(
             planner=str(summary["planner"]), status=cast(Status, summary["status"]),
             objective=_float(summary, "objective"), lower_bound=_float(summary, "lower_bound"),
-            gap=_float(summary, "gap"), seconds=_float(summary, "seconds"), certificate=_read_proof(out / PROOF),
+            gap=_float(summary, "gap"), seconds=_float(summary, "seconds"), certificate=read_proof(out / PROOF),
             **groups,
         )  # fmt: skip
         if len(plan.sequence) != len(shop.groups[0]):
@@ -247,7 +247,8 @@ def _summed_up(shop: Shop, plan: ShopPlan) -> dict[str, Any]:
     }
 
 
-def _arrays(proof: ShopCertificate) -> dict[str, Any]:
+def proof_arrays(proof: ShopCertificate) -> dict[str, Any]:
+    """A proof as the arrays of `certificate.npz`."""
     arrays: dict[str, Any] = {name: np.asarray(getattr(proof, name)) for name in ("parent", "lesson", "group")}
     for number, leaf in enumerate(proof.leaf):
         if leaf is not None:
@@ -256,7 +257,12 @@ def _arrays(proof: ShopCertificate) -> dict[str, Any]:
     return arrays
 
 
-def _read_proof(path: Path) -> ShopCertificate | None:
+def read_proof(path: Path) -> ShopCertificate | None:
+    """The proof in `certificate.npz`; None if there is no such file.
+
+    Raises:
+        ArtifactError: damaged, or no certificate.
+    """
     if not path.is_file():
         return None
     arrays = load_arrays(path, schema="shop_certificate", version=1)

@@ -14,24 +14,15 @@ from pathlib import Path
 import numpy as np
 
 from p2l.errors import ConfigError, InputError, ShapeError
-from p2l.records import Array, BoolArray, freeze
-from p2l.team.sheets import check_standard_input, read_sheet
+from p2l.records import Array, BoolArray, IntArray, freeze
+from p2l.team.sheets import Sheet, check_standard_input, read_sheet
 from p2l.team.shop.lessons import TransferTable, misspelt, open_table
 from p2l.team.shop.measurements import Measured, read_probabilities
 from p2l.team.shop.orders import Orders, listed, read_orders
-from p2l.team.shop.outcome import attempt_cost
+from p2l.team.shop.possible import lessons_to_give, refuse_impossible
 from p2l.team.shop.record import SHOP_ORDERS, Ruling, Shop, ShopOrder
-from p2l.team.shop.reduction import outside_costs, too_late
+from p2l.team.shop.reduction import too_late
 from p2l.team.shop.robots import Robots, read_before, read_robots
-
-_NO_WAY = {
-    Ruling.FREE: "cannot be done: nobody can do or teach it, and no lesson that comes in time makes an attempt "
-    "possible; give it a finite cost",
-    Ruling.ACT: "is to be attempted, and no attempt is possible, not by a lesson that comes in time either; give it a "
-    "finite c_rob and c_fail",
-    Ruling.DELEGATE: "is to be delegated, and the person cannot do it; give it a finite c_hum",
-    Ruling.LEARN: "is to be taught, and cannot be; give it a finite c_demo, and do not say teachable=no",
-}
 
 Filling = Callable[[tuple[str, ...], tuple[str, ...]], Array]
 
@@ -100,11 +91,45 @@ def read_shop(
     _check_settings(order, max_lessons, max_teaching, fill)
     check_standard_input(orders, transfer, before, robots)
     today = read_orders(read_sheet(orders))
-    table = open_table(None if transfer is None else read_sheet(transfer), today)
+    table, team = (None if each is None else read_sheet(each) for each in (transfer, robots))
+    arcs = None if before is None else read_before(read_sheet(before), today.tasks)
+    limits = (max_lessons, max_teaching)
+    reading = shop_of_orders(today, table, team, order, arcs, limits, fill=fill, filling=filling)
+    refuse_impossible(reading.shop, today)
+    return reading
+
+
+def shop_of_orders(
+    today: Orders,
+    transfer: Sheet | None,
+    robots: Sheet | None,
+    order: ShopOrder = "fixed",
+    arcs: IntArray | None = None,
+    limits: tuple[float, float] = (math.inf, math.inf),
+    *,
+    fill: float | None = None,
+    filling: Filling | None = None,
+) -> ShopReading:
+    """As `read_shop`, of orders and tables that are read already; whether every task can be done is not asked.
+
+    Args:
+        today: n orders.
+        transfer: as in `read_shop`.
+        robots: as in `read_shop`.
+        order: without arcs.
+        arcs: [P, 2] of a partial order, None for none.
+        limits: `max_lessons` and `max_teaching`.
+        fill: as in `read_shop`.
+        filling: as in `read_shop`.
+
+    Raises:
+        InputError: as `read_shop`.
+        ShapeError: as `read_shop`.
+    """
+    table = open_table(transfer, today)
     known = set(today.tasks)
     others = {name: cost for name, cost in table.c_demo.items() if name not in known}
-    team = read_robots(None if robots is None else read_sheet(robots), today, others)
-    arcs = None if before is None else read_before(read_sheet(before), today.tasks)
+    team = read_robots(robots, today, others)
     lessons, c_demo, remarks = _lessons(today, table, tuple(others), team)
     measured = read_probabilities(table, lessons, today.tasks, team.names)
     try:
@@ -123,14 +148,13 @@ def read_shop(
             choice=today.choice,
             order=order if arcs is None else "partial",
             before=arcs,
-            max_lessons=max_lessons,
-            max_teaching=max_teaching,
+            max_lessons=limits[0],
+            max_teaching=limits[1],
         )
     except ShapeError as error:
         raise InputError.at(today.name, None, None, str(error)) from error
     values, gaps = _complete(shop, table, measured, fill, filling)
     shop = replace(shop, transfer=_scaled(shop, values, measured, team, today))
-    _refuse_impossible(shop, today)
     if measured.own and (team.skill < 1.0).any():
         remarks += ("skill lowers what is measured with no robot in particular; rows of a robot are taken as they are",)
     hints = (f"in {table.name}, {hint}" for hint in misspelt(table, today.tasks))
@@ -228,18 +252,11 @@ def _default(
     return default, tuple(remarks)
 
 
-def _lessons_to_give(shop: Shop) -> BoolArray:
-    """[R, L] lessons that can be given to a robot, and that no decision rules out."""
-    can_teach: BoolArray = np.isfinite(shop.c_demo)
-    can_teach[:, : shop.n] &= (shop.choice == Ruling.FREE) | (shop.choice == Ruling.LEARN)
-    return can_teach
-
-
 def _useful(shop: Shop) -> BoolArray:
     """[R, L, n] pairs that a plan may use: the lesson can be given and comes in time, the task can be attempted."""
     can_act = np.isfinite(shop.c_rob) & (shop.choice != Ruling.DELEGATE)
     can_act &= (shop.choice != Ruling.LEARN) | (shop.count > 1)
-    useful: BoolArray = _lessons_to_give(shop)[:, :, None] & can_act[:, None, :]
+    useful: BoolArray = lessons_to_give(shop)[:, :, None] & can_act[:, None, :]
     useful[:, : shop.n] &= ~too_late(shop)
     own = np.arange(shop.n)
     useful[:, own, own] &= shop.count > 1
@@ -254,27 +271,3 @@ def _scaled(shop: Shop, values: Array, measured: Measured, team: Robots, orders:
     learnt = np.append(orders.learnt, np.ones(len(shop.lessons) - shop.n))
     scaled: Array = values * skill * learnt[:, None]
     return scaled
-
-
-def _refuse_impossible(shop: Shop, orders: Orders) -> None:
-    """A plan that gives every lesson does all tasks, unless one of them has no way at all."""
-    task, _ = shop.groups
-    lost = np.flatnonzero(np.isinf(outside_costs(shop))).tolist()
-    can_teach = _lessons_to_give(shop)
-    late = too_late(shop) if lost else np.zeros((shop.n, shop.n), dtype=bool)
-    robots = np.arange(len(shop.robots))
-    for group in lost:
-        each, is_first = int(task[group]), group < shop.n
-        choice = Ruling(int(shop.choice[each]))
-        in_time = can_teach.copy()
-        in_time[:, : shop.n] &= ~late[:, each]
-        best = np.where(in_time, shop.transfer[:, :, each], -1.0).max(axis=1)
-        attempts = attempt_cost(shop, robots, np.full(len(robots), each), np.maximum(best, 0.0))
-        is_attempted = choice != Ruling.DELEGATE and not (is_first and choice == Ruling.LEARN)
-        by_attempt = is_attempted and bool((np.isfinite(attempts) & (best >= 0.0)).any())
-        if by_attempt or (is_first and can_teach[:, each].any()):
-            continue
-        what = f"task '{shop.tasks[each]}'" + ("" if is_first else ", after its first copy,")
-        has_decision = choice in (Ruling.ACT, Ruling.DELEGATE, Ruling.LEARN) and (is_first or choice != Ruling.LEARN)
-        problem = f"{what} {_NO_WAY[choice if has_decision else Ruling.FREE]}"
-        raise InputError.at(orders.name, orders.lines[each], orders.decision if has_decision else None, problem)
