@@ -9,7 +9,8 @@ import pytest
 
 from examples.shop import make
 
-SHOP = {name: f"{make.__file__.rpartition('/')[0]}/{name}.csv" for name in ("features", "trials", "orders", "before")}
+SHOP_FOLDER = Path(make.__file__).parent
+SHOP = {name: SHOP_FOLDER / f"{name}.csv" for name in ("features", "trials", "orders", "before", "robots")}
 ORDERS = """Task;C_rob;C_hum;C_fail;C_demo;Count;Decision;Bay
 gear;10;100;100;120;1;;A
 cog;10;100;100;130;1;delegate;B
@@ -189,13 +190,16 @@ def test_the_example_s_shop_from_trials_to_a_plan_that_is_checked(stage, tmp_pat
         "predict_transfer", *(f"{name}={SHOP[name]}" for name in ("features", "trials")), "out=table.csv", out="table"
     )
     assert code == 0, told.err
-    words = (f"tasks={SHOP['orders']}", "transfer=table.csv", f"before={SHOP['before']}")
+    words = (f"tasks={SHOP['orders']}", "transfer=table.csv", f"before={SHOP['before']}", f"robots={SHOP['robots']}")
     code, told = stage("plan", *words)
     assert code == 0, told.err
-    assert "proven optimal" in told.out
+    headline = next(line for line in told.out.splitlines() if line.startswith("Expected cost"))
+    assert headline in (SHOP_FOLDER.parents[1] / "docs/your-tasks.md").read_text(encoding="utf-8")
+    given = {row["lesson"] for row in rows_of(tmp_path / "out/reasons.csv") if row["given"] == "yes"}
+    assert given & set(make.CATALOGUE)  # a lesson that is on no order of today
     tasks = [row["task"] for row in rows_of(tmp_path / "out/plan.csv")]
-    for row in rows_of(Path(SHOP["before"])):
-        assert row["before"] not in tasks or tasks.index(row["before"]) < tasks.index(row["after"])
+    for row in rows_of(SHOP["before"]):
+        assert tasks.index(row["before"]) < tasks.index(row["after"])
     code, told = stage("check_plan", *words, "plan=out", out="checked")
     assert code == 0, told.err
     assert "order partial" in told.out
