@@ -57,27 +57,44 @@ def two_stage_outcome(program: TwoStage, taught: IntArray, sequence: IntArray, l
     return TwoStageOutcome(today, tomorrow.cost, math.fsum([today.total, *expected]))
 
 
-def tomorrow_outcome(program: TwoStage, taught: IntArray, later: IntArray) -> Tomorrow:
-    """Tomorrow's cost in each scenario; arguments and errors as for `two_stage_outcome`."""
+def tomorrow_outcome(program: TwoStage, taught: IntArray, later: IntArray, priced: TwoStage | None = None) -> Tomorrow:
+    """Tomorrow's cost in each scenario.
+
+    Args:
+        program: today and tomorrow.
+        taught: as for `two_stage_outcome`.
+        later: as for `two_stage_outcome`.
+        priced: the same with other success probabilities, at which what is decided by those of `program` is priced.
+
+    Raises:
+        ShapeError: as for `two_stage_outcome`.
+    """
     pairs = np.reshape(np.asarray(taught, dtype=np.int64), (-1, 2))
     waiting = _later(program, later)
-    ways = np.concatenate([program.c_hum[None], attempt_costs(program, None), attempt_costs(program, pairs)])
-    base = ways.min(axis=0)
-    way = ways.argmin(axis=0) - 1 - len(program.today.robots)  # of today's lessons; below 0 is without any
+    truth = program if priced is None else priced
+    kinds = np.arange(len(program.types))
+    ways, prices = (
+        np.concatenate([each.c_hum[None], attempt_costs(each, None), attempt_costs(each, pairs)])
+        for each in (program, truth)
+    )
+    place = ways.argmin(axis=0)
+    base, price = ways[place, kinds], prices[place, kinds]
     left = program.counts.copy()  # copies that today's way is for
     cost = np.zeros(program.scenarios)
-    waited = attempt_costs(program, waiting[:, 1:])
+    waited, waited_prices = (attempt_costs(each, waiting[:, 1:]) for each in (program, truth))
     ends = np.searchsorted(waiting[:, 0], np.arange(program.scenarios + 1))
     for scenario in np.unique(waiting[:, 0]).tolist():
         given = slice(int(ends[scenario]), int(ends[scenario + 1]))
         lesson, robot = waiting[given, 1], waiting[given, 2]
-        best = waited[given].min(axis=0)
+        best = waited[given].argmin(axis=0)
         own = (program.lesson >= 0) & np.isin(program.lesson, lesson)
         copies = program.counts[scenario] - np.where(own, np.minimum(program.counts[scenario], 1.0), 0.0)
-        better = best < base
+        better = waited[given][best, kinds] < base
         left[scenario] = np.where(better, 0.0, copies)
-        cost[scenario] = program.c_demo[robot, lesson].sum() + _product(np.where(better, copies, 0.0), best).sum()
-    cost = cost + _product(left, base[None, :]).sum(axis=1)
+        served = _product(np.where(better, copies, 0.0), waited_prices[given][best, kinds])
+        cost[scenario] = program.c_demo[robot, lesson].sum() + served.sum()
+    cost = cost + _product(left, price[None, :]).sum(axis=1)
+    way = place - 1 - len(program.today.robots)  # of today's lessons; below 0 is without any
     expected = program.probability @ left
     uses = np.bincount(way[way >= 0], expected[way >= 0], minlength=len(pairs)).astype(np.float64)
     return Tomorrow(cost, uses)
