@@ -94,7 +94,7 @@ class OrderSearch(ABC, Generic[FoundPlan]):
         """What no plan costs less than."""
 
     def quick(self) -> Iterator[FoundPlan]:
-        """Plans that need no search, for where the time is up before one: the best of the first two, else the rest."""
+        """Plans that need no search, for where the time is up before one; each is offered before the next is made."""
         return iter(())
 
     def conceivable(self) -> Array | None:
@@ -196,9 +196,7 @@ class OrderSearch(ABC, Generic[FoundPlan]):
         return solution.cost * (1.0 - PROVEN) if solution.complete else -math.inf, solution.complete
 
     def _offer_quickly(self) -> None:
-        for number, plan in enumerate(self.quick()):
-            if number == 2 and self.best is not None:
-                break
+        for plan in self.quick():
             self._offer(plan)
 
     def _offer(self, plan: FoundPlan) -> None:
