@@ -133,7 +133,7 @@ def test_a_bug_keeps_its_traceback_and_is_not_taken_for_bad_input(tmp_path):
         "tracking=disabled",
         f"hydra.run.dir={tmp_path / 'o'}",
     ]
-    known = {**os.environ, "PYTHONPATH": str(ROOT)}
+    known = {**os.environ, "PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'src'}"}
     done = waiting.run(command, cwd=tmp_path, env=known)
     assert done.returncode == 1
     assert "RuntimeError: bug" in done.stderr
