@@ -10,7 +10,7 @@ import numpy as np
 
 from p2l.errors import ConfigError, InputError
 from p2l.records import Array
-from p2l.schema import CheckPlanConfig, PlanConfig
+from p2l.schema import AskConfig, CheckPlanConfig, PlanConfig
 from p2l.team.planners import plan
 from p2l.team.sheets import check_standard_input
 from p2l.team.shop import Shop, ShopPlan, plan_shop
@@ -25,7 +25,7 @@ _MODELS, _FOLDS, _FEWEST_PAIRS, _LEVEL = ("logistic", "gp", "trees", "net"), 5, 
 
 
 def read_own_tasks(
-    cfg: PlanConfig | CheckPlanConfig, order: Order, max_lessons: float | None, max_teaching: float | None
+    cfg: PlanConfig | CheckPlanConfig | AskConfig, order: Order, max_lessons: float | None, max_teaching: float | None
 ) -> ShopReading:
     """The shop in the files that a configuration names, missing pairs filled as it says."""
     assert cfg.tasks is not None

@@ -4,14 +4,18 @@ import itertools
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import stats
 
 from p2l.errors import ConfigError, ShapeError, SolverError
+from p2l.evaluation.style import png
+from p2l.evaluation.team.preferences import preference_figure, preference_table
 from p2l.team.preferences import (
     CostPrior,
+    Kinds,
     Preferences,
     after_answer,
     ask,
@@ -25,6 +29,7 @@ from p2l.team.preferences import (
 )
 from p2l.team.preferences.dialogue import everything, most_uncertain, nothing, worth_most
 from p2l.team.preferences.oracle import EveryPlan, every_answer
+from p2l.team.preferences.people import KINDS, meetings, population, stranger
 from p2l.team.preferences.values import Optima, open_families
 from p2l.team.problem import Problem
 from p2l.team.shop import Shop, plan_shop
@@ -40,16 +45,21 @@ def belief(rng, largest=4):
     return CostPrior(cost, rng.dirichlet(np.ones(k) * 2.0 + 0.01))
 
 
-def believed(rng, n, families=2, noise=0.0):
+def believed(rng, n, families=2, noise=0.0, kinds=False):
     names = tuple(f"family {f}" for f in range(families))
-    beliefs = tuple(belief(rng) for _ in names)
-    return Preferences(names, beliefs, rng.integers(-1, families, n), noise)
+    beliefs, common = tuple(belief(rng) for _ in names), None
+    if kinds:
+        given = tuple(rng.dirichlet(np.full(len(each.cost), 0.5), 3) for each in beliefs)
+        common = Kinds(rng.dirichlet(np.ones(3)), given)
+        together = (common.weight @ each for each in given)
+        beliefs = tuple(CostPrior(one.cost, p / p.sum()) for one, p in zip(beliefs, together, strict=True))
+    return Preferences(names, beliefs, rng.integers(-1, families, n), noise, common)
 
 
-def instance(seed, order, noise=0.0):
+def instance(seed, order, noise=0.0, kinds=False):
     rng = np.random.default_rng(seed)
     shop = small_shop(rng, order)
-    return shop, believed(rng, shop.n, noise=noise)
+    return shop, believed(rng, shop.n, noise=noise, kinds=kinds)
 
 
 def day(tasks, transfer, c_demo, c_rob=10.0):
@@ -106,17 +116,57 @@ def test_listed_costs_come_in_any_order_and_without_the_impossible_ones():
             listed_prior(cost, chance)
 
 
-@settings(max_examples=200, deadline=None)
-@given(SEEDS, st.sampled_from([0.0, 0.5, 20.0, 500.0]))
-def test_beliefs_after_the_answers_average_to_that_of_today(seed, noise):
-    prior = belief(np.random.default_rng(seed), 6)
-    chance, beliefs = possible_answers(prior, noise)
-    assert chance.sum() == pytest.approx(1.0)
-    mixed = dict.fromkeys(prior.cost.tolist(), 0.0)
-    for share, after in zip(chance, beliefs, strict=True):
-        for cost, p in zip(after.cost.tolist(), after.probability.tolist(), strict=True):
-            mixed[cost] += share * p
-    assert list(mixed.values()) == pytest.approx(prior.probability.tolist(), abs=1e-12)
+@settings(max_examples=150, deadline=None)
+@given(SEEDS, st.sampled_from([0.0, 0.5, 20.0, 500.0]), st.booleans())
+def test_beliefs_after_the_answers_average_to_those_of_today(seed, noise, kinds):
+    preferences = believed(np.random.default_rng(seed), 1, 3, noise, kinds)
+    for family in range(3):
+        chance, after = possible_answers(preferences, family)
+        assert chance.sum() == pytest.approx(1.0)
+        for other, prior in enumerate(preferences.prior):
+            mixed = sum(share * then.prior[other].probability for share, then in zip(chance, after, strict=True))
+            assert mixed == pytest.approx(prior.probability, abs=1e-12)
+            if other != family and not kinds:
+                assert all(then.prior[other] is prior for then in after)
+
+
+@settings(max_examples=50, deadline=None)
+@given(SEEDS, st.sampled_from([0.0, 30.0]))
+def test_what_two_answers_say_does_not_depend_on_which_came_first(seed, noise):
+    """And it is Bayes' rule over every kind and every cost of the three families."""
+    preferences = believed(np.random.default_rng(seed), 1, 3, noise, kinds=True)
+    rng = np.random.default_rng(seed)
+    said = [float(rng.choice(each.cost, p=each.probability)) for each in preferences.prior]
+    one = after_answer(after_answer(preferences, 0, said[0]), 1, said[1])
+    other = after_answer(after_answer(preferences, 1, said[1]), 0, said[0])
+    weight = preferences.kinds.weight.copy()
+    for family in (0, 1):
+        cost = preferences.prior[family].cost
+        edges = np.concatenate([[-np.inf], (cost[1:] + cost[:-1]) / 2, [np.inf]])
+        at = int(np.flatnonzero(cost == said[family])[0])
+        upper, lower = (stats.norm.cdf((edges[at + e] - cost) / noise) if noise else None for e in (1, 0))
+        weight = weight * (preferences.kinds.given[family] @ (upper - lower if noise else np.arange(len(cost)) == at))
+    weight = weight / weight.sum()
+    assert one.kinds.weight == pytest.approx(weight, abs=1e-9)
+    assert one.prior[2].probability == pytest.approx(weight @ preferences.kinds.given[2], abs=1e-9)
+    for first, second in zip(one.prior, other.prior, strict=True):
+        assert first.probability == pytest.approx(second.probability, abs=1e-9)
+
+
+def test_one_answer_tells_the_kind_of_person_by_hand():
+    """Quick people do either family for 20, slow ones for 140; who says 140 of pegs is slow at lids as well."""
+    given = np.eye(2)
+    prior = CostPrior([20.0, 140.0], [0.75, 0.25])
+    before = Preferences(("pegs", "lids"), (prior, prior), [0, 1], kinds=Kinds([0.75, 0.25], (given, given)))
+    assert after_answer(before, 0, 140.0).mean.tolist() == [140.0, 140.0]
+    shop = day(("peg", "lid"), np.ones((2, 2)), 80.0)
+    # Known by one answer: 90 - (0.75 · 40 + 0.25 · 90); with independent families, 100 or 190 by the person: 90 stays.
+    assert question_values(shop, before, 0.0)[0].value == pytest.approx(90.0 - 52.5)
+    alone = replace(before, kinds=None)
+    assert question_values(shop, alone, 0.0)[0].value == pytest.approx(90.0 - 0.75 * 70.0 - 0.25 * 90.0)
+    for wrong in ([0.5, 0.5], [1.0, 0.5]):
+        with pytest.raises(ShapeError, match="kinds"):
+            replace(before, kinds=Kinds(wrong, (given, given)))
 
 
 def test_an_answer_with_noise_by_hand():
@@ -178,9 +228,9 @@ def test_the_plan_at_the_mean_is_the_plan_of_least_expected_cost(seed, problem):
 
 
 @settings(max_examples=200, deadline=None)
-@given(SEEDS, st.sampled_from(["fixed", "any"]), st.sampled_from([0.0, 0.0, 30.0]))
-def test_a_question_is_worth_what_every_plan_and_every_answer_say(seed, order, noise):
-    shop, preferences = instance(seed, order, noise)
+@given(SEEDS, st.sampled_from(["fixed", "any"]), st.sampled_from([0.0, 0.0, 30.0]), st.booleans())
+def test_a_question_is_worth_what_every_plan_and_every_answer_say(seed, order, noise, kinds):
+    shop, preferences = instance(seed, order, noise, kinds)
     try:
         worth = every_answer(shop, preferences, 0.0)
     except SolverError:  # nobody can do something
@@ -193,15 +243,16 @@ def test_a_question_is_worth_what_every_plan_and_every_answer_say(seed, order, n
 
 
 @settings(max_examples=30, deadline=None)
-@given(SEEDS)
-def test_looking_two_questions_ahead_is_worth_what_every_plan_and_every_answer_say(seed):
-    shop, preferences = instance(seed, "fixed")
+@given(SEEDS, st.booleans())
+def test_looking_two_questions_ahead_is_worth_what_every_plan_and_every_answer_say(seed, kinds):
+    shop, preferences = instance(seed, "fixed", kinds=kinds)
     try:
         worth = every_answer(shop, preferences, 2.0, 2)
     except SolverError:
         return
     for each in question_values(shop, preferences, 2.0, look_ahead=2):
-        if len(preferences.prior[each.family].cost) > 1 and each.family in open_families(shop, preferences):
+        tells = kinds or each.family in open_families(shop, preferences)
+        if tells and not preferences.prior[each.family].is_certain:
             assert each.value + each.ahead == pytest.approx(worth[each.family], rel=1e-6, abs=1e-5)
 
 
@@ -328,3 +379,53 @@ def test_asking_is_worth_its_cost_on_average_over_all_people(seed):
             optima.at(done.preferences.mean).at(truth) + done.spent
         )
     assert total <= stay + 1e-6
+
+
+# Made-up people
+
+
+def test_people_are_drawn_as_their_kinds_say_and_the_belief_is_that_of_all_together():
+    rng, drawn = np.random.default_rng(1), []
+    for kind in KINDS:
+        costs = kind.costs(20_000, rng)
+        mean = sum(share * m for share, m, _ in kind.parts)
+        assert costs.mean() == pytest.approx(mean, rel=0.03)
+        assert (costs < 60.0).mean() == pytest.approx(float(kind.below(np.array([60.0]), 0)[0]), abs=0.01)
+        assert costs[costs < 60.0].sum() / 20_000 == pytest.approx(float(kind.below(np.array([60.0]), 1)[0]), abs=0.5)
+        drawn.append(costs)
+    assert (np.mean(drawn), np.std(drawn)) == pytest.approx(population(), rel=0.02)
+    assert population() == pytest.approx((100.0, 54.5122), rel=1e-6)
+    believed_of = stranger(np.array([0, 1]), ("a", "b"), 8)
+    assert believed_of.mean.tolist() == pytest.approx([100.0, 100.0], abs=1e-9)
+    assert believed_of.prior[0].probability == pytest.approx(np.full(8, 0.125), abs=1e-3)
+    assert after_answer(believed_of, 0, 20.0).kinds.weight == pytest.approx([0.0, 1.0, 0.0], abs=1e-5)
+    assert after_answer(believed_of, 0, 20.0).mean[1] == pytest.approx(50.0, abs=3.0)
+
+
+def test_meetings_add_up_by_hand():
+    """A person who is quick at both families; the lesson truly fails every other time."""
+    shop, preferences = together()
+    true = replace(shop, transfer=np.full((1, 2, 2), 0.5))
+    found = {met.policy: met for met in meetings(Optima(shop, preferences), true, np.array([20.0, 20.0]), 5.0)}
+    assert {name: met.questions for name, met in found.items()} == {
+        "nothing": 0, "everything": 2, "worth": 0, "worth_alone": 0, "known": 0, "uncertain": 0,
+    }  # fmt: skip
+    assert found["everything"].plan_cost == found["known"].plan_cost == 40.0
+    assert found["nothing"].plan_cost == found["worth"].plan_cost == 80.0 + 10.0 + 0.5 * 100.0
+
+
+def test_the_table_pairs_people_of_a_set_and_says_where_ours_is_cheaper():
+    rows = [
+        {"domain": "d", "regime": "r", "c_ask": 5.0, "set": at, "kind": kind, "person": 0, "policy": policy,
+         "questions": asked, "plan_cost": 100.0 + 10.0 * at + more}
+        for at in range(4) for kind in ("k", "l")
+        for policy, asked, more in (("nothing", 0, 12.0 + at), ("worth", 1, 0.0))
+    ]  # fmt: skip
+    table = preference_table(pd.DataFrame(rows))
+    assert table["kind"].tolist() == ["k", "k", "l", "l", "all", "all"]
+    whole = table[(table["kind"] == "all") & (table["policy"] == "nothing")].iloc[0]
+    assert (whole["people"], whole["sets"], whole["total"]) == (8, 4, 128.5)
+    assert whole["minus"] == pytest.approx(np.mean([-7.0, -8.0, -9.0, -10.0]))
+    half = stats.t.ppf(0.975, 3) * np.std([7, 8, 9, 10], ddof=1) / 2
+    assert (whole["minus_low"], whole["minus_high"]) == pytest.approx((-8.5 - half, -8.5 + half))
+    assert png(preference_figure(table, 5.0, "r"))[:4] == b"\x89PNG"

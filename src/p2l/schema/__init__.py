@@ -21,6 +21,7 @@ from p2l.schema.metareskill import (
 )
 from p2l.schema.pipeline import ConfigStageConfig, ReportConfig
 from p2l.schema.prediction import PredictTransferConfig
+from p2l.schema.preferences import AskConfig
 from p2l.schema.recovery import ClusterConfig, DiscoverConfig, WatchConfig
 from p2l.schema.team import CheckPlanConfig, CollectConfig, EvaluateTeamConfig, FitTransferConfig, PlanConfig
 
@@ -30,6 +31,7 @@ SCHEMAS: Mapping[str, type[StageConfig]] = {
     "plan": PlanConfig,
     "check_plan": CheckPlanConfig,
     "predict_transfer": PredictTransferConfig,
+    "ask": AskConfig,
     "evaluate_team": EvaluateTeamConfig,
     "fit_preconditions": FitPreconditionsConfig,
     "discover": DiscoverConfig,
@@ -56,6 +58,7 @@ __all__ = [
     "PATHS",
     "SCHEMAS",
     "ArchivedStageConfig",
+    "AskConfig",
     "ChainRecoveriesConfig",
     "CheckPlanConfig",
     "ClusterConfig",

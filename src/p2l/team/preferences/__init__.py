@@ -13,12 +13,13 @@ from p2l.team.preferences.belief import (
     possible_answers,
 )
 from p2l.team.preferences.dialogue import Dialogue, ask
-from p2l.team.preferences.record import CostPrior, Preferences
+from p2l.team.preferences.record import CostPrior, Kinds, Preferences
 from p2l.team.preferences.values import QuestionValue, next_question, question_values
 
 __all__ = [
     "CostPrior",
     "Dialogue",
+    "Kinds",
     "Preferences",
     "QuestionValue",
     "after_answer",

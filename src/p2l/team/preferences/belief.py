@@ -15,7 +15,7 @@ from scipy import special
 from p2l.errors import ConfigError
 from p2l.records import Array
 from p2l.team.costs import LARGEST
-from p2l.team.preferences.record import CostPrior, Preferences
+from p2l.team.preferences.record import CostPrior, Kinds, Preferences
 from p2l.team.shop import Shop
 
 POINTS = 7  # of a distribution
@@ -58,17 +58,15 @@ def gamma_prior(mean: float, sd: float, points: int = POINTS) -> CostPrior:
     return _of_parts(mean, np.diff(special.gammainc(shape + 1.0, edges)))
 
 
-def possible_answers(prior: CostPrior, noise: float) -> tuple[Array, tuple[CostPrior, ...]]:
-    """[A] probability of each answer, and the A beliefs after them; their means average to the mean of today.
+def possible_answers(preferences: Preferences, family: int) -> tuple[Array, tuple[Preferences, ...]]:
+    """[A] probability of each answer, and what is believed after each; means average to those of today.
 
     With noise an answer counts as the cost that it is nearest to.
     """
-    if noise == 0.0:
-        return prior.probability, tuple(_certain(prior, cost) for cost in prior.cost.tolist())
-    joint = prior.probability[:, None] * _channel(prior, noise)  # [K, K], the answer last
-    chance = joint.sum(axis=0)
+    prior = preferences.prior[family]
+    chance = prior.probability @ _channel(prior, preferences.noise)
     heard = np.flatnonzero(chance > 0.0)
-    return chance[heard], tuple(_weighted(prior, joint[:, at] / chance[at]) for at in heard.tolist())
+    return chance[heard], tuple(_heard(preferences, family, at, None) for at in heard.tolist())
 
 
 def after_answer(preferences: Preferences, family: int, answer: float) -> Preferences:
@@ -83,16 +81,13 @@ def after_answer(preferences: Preferences, family: int, answer: float) -> Prefer
     prior, name = preferences.prior[family], preferences.families[family]
     if not 0.0 <= answer <= LARGEST:
         raise ConfigError(f"'{name}': {answer:g} is no cost; give a number from 0 to {LARGEST:g}")
-    nearest = int(np.abs(prior.cost - answer).argmin())
+    nearest = int(np.where(prior.probability > 0.0, np.abs(prior.cost - answer), np.inf).argmin())
     if preferences.noise == 0.0:
         if prior.closed and not np.isclose(prior.cost[nearest], answer, rtol=_SAME, atol=0.0):
-            costs = ", ".join(f"{cost:g}" for cost in prior.cost[:8].tolist())
+            costs = ", ".join(f"{cost:g}" for cost in prior.cost[prior.probability > 0.0][:8].tolist())
             raise ConfigError(f"'{name}': {answer:g} is none of the costs that the prior allows ({costs})")
-        new = _certain(prior, float(prior.cost[nearest]) if prior.closed else answer)
-    else:
-        weight = prior.probability * _channel(prior, preferences.noise)[:, nearest]
-        new = _weighted(prior, weight / weight.sum())
-    return preferences.believing(family, new)
+        return _heard(preferences, family, nearest, None if prior.closed else answer)
+    return _heard(preferences, family, nearest, None)
 
 
 def priced(shop: Shop, preferences: Preferences, cost: Array) -> Shop:
@@ -126,16 +121,39 @@ def _of_parts(mean: float, share: Array) -> CostPrior:
     return CostPrior(distinct, count / len(cost), closed=False)
 
 
-def _certain(prior: CostPrior, cost: float) -> CostPrior:
-    return CostPrior(np.array([cost]), np.ones(1), prior.closed)
+def _heard(preferences: Preferences, family: int, at: int, exact: float | None) -> Preferences:
+    """What is believed after an answer that is nearest to cost `at`; `exact` is the cost, if it is another than that.
+
+    With kinds: Bayes' rule for the kind, then each family as the kinds come to.
+    """
+    prior, kinds = preferences.prior[family], preferences.kinds
+    told = _channel(prior, preferences.noise)[:, at]  # [K] probability of this answer by cost
+    beliefs, common = list(preferences.prior), None
+    if kinds is not None and (likely := kinds.weight * (kinds.given[family] @ told)).sum() > 0.0:
+        weight, given = likely / likely.sum(), list(kinds.given)
+        joint = kinds.given[family] * told
+        total = joint.sum(axis=1, keepdims=True)
+        given[family] = np.where(total > 0.0, joint / np.where(total > 0.0, total, 1.0), told / told.sum())
+        if exact is not None:
+            given[family] = np.ones((len(weight), 1))
+        for other, each in enumerate(given):
+            beliefs[other] = replace(beliefs[other], probability=_proper(weight @ each)) if other != family else prior
+        common = Kinds(weight, tuple(given))
+    chance = _proper(prior.probability * told) if common is None else common.weight @ common.given[family]
+    if exact is not None:
+        beliefs[family] = replace(prior, cost=np.array([exact]), probability=np.ones(1))
+    else:
+        beliefs[family] = replace(prior, probability=_proper(chance))
+    return replace(preferences, prior=tuple(beliefs), kinds=common)
 
 
-def _weighted(prior: CostPrior, probability: Array) -> CostPrior:
-    kept = probability > 0.0
-    return CostPrior(prior.cost[kept], probability[kept] / probability[kept].sum(), prior.closed)
+def _proper(weight: Array) -> Array:
+    return np.asarray(weight / weight.sum())
 
 
 def _channel(prior: CostPrior, noise: float) -> Array:
     """[K, K] probability that an answer is nearest to a cost (last axis), by the true one; normal errors."""
+    if noise == 0.0:
+        return np.eye(len(prior.cost))
     edges = np.concatenate([[-np.inf], (prior.cost[1:] + prior.cost[:-1]) / 2.0, [np.inf]])
     return np.asarray(np.diff(special.ndtr((edges[None] - prior.cost[:, None]) / noise), axis=1))

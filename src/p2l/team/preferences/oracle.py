@@ -89,11 +89,10 @@ def every_answer(
     if not np.isfinite(now):
         raise SolverError("exhaustive: nobody can do some task of this shop")
     values = []
-    for family, prior in enumerate(preferences.prior):
-        chance, beliefs = possible_answers(prior, preferences.noise)
+    for family in range(len(preferences.families)):
+        chance, after = possible_answers(preferences, family)
         value = now
-        for share, belief in zip(chance.tolist(), beliefs, strict=True):
-            then = preferences.believing(family, belief)
+        for share, then in zip(chance.tolist(), after, strict=True):
             value -= share * plans.least(preferences, then.mean)
             if look_ahead > 1:
                 value += share * max(0.0, *(every_answer(shop, then, c_ask, look_ahead - 1, plans) - c_ask))

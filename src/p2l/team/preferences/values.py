@@ -4,7 +4,8 @@
 
 The optimum is the least of functions that are linear in the costs, so it is concave in them, and no value is negative
 (Jensen); it is 0 where one plan is best after every answer. Each optimum is one facility location problem, solved with
-a certificate; between two costs at which one plan is best it is best throughout, which saves most solutions.
+a certificate; between two costs at which one plan is best it is best throughout, which saves most solutions where
+families are independent. Where there are kinds of people, an answer moves the means of all families.
 
 A question is asked while it is worth more than it costs. Looking one question ahead misses those that only pay
 together: if a lesson is spared only when the person is cheap at both of two families, no single answer changes the
@@ -149,7 +150,9 @@ def question_values(
     shop: Shop, preferences: Preferences, c_ask: float, *, look_ahead: int = 1, optima: Optima | None = None,
     progress: Progress | None = None,
 ) -> tuple[QuestionValue, ...]:  # fmt: skip
-    """What each question is worth, the one that is worth most first; a family without open tasks is worth 0.
+    """What each question is worth, the one that is worth most first.
+
+    A question about a family without a task that the person can do is worth 0, unless it tells the kind of person.
 
     Args:
         shop: the day; its c_hum counts where nothing is believed.
@@ -202,16 +205,22 @@ def next_question(
 
 def _question(preferences: Preferences, family: int, c_ask: float, look_ahead: int, optima: Optima) -> QuestionValue:
     now = optima.at(preferences.mean)
-    prior = preferences.prior[family]
-    if len(prior.cost) < 2 or family not in open_families(optima.shop, preferences):
+    has_use = family in open_families(optima.shop, preferences) or preferences.kinds is not None
+    if preferences.prior[family].is_certain or not has_use:
         return QuestionValue(family, 0.0, 0.0, 0.0)
-    chance, beliefs = possible_answers(prior, preferences.noise)
-    then, slack = optima.along(preferences.mean, family, np.array([each.mean for each in beliefs]))
+    chance, after = possible_answers(preferences, family)
+    means = np.array([each.mean for each in after])
+    if preferences.kinds is None:  # the other families stay as they are
+        then, slack = optima.along(preferences.mean, family, means[:, family])
+    else:
+        each_optimum = [optima.at(mean) for mean in means]
+        then, slack = (
+            np.array(column) for column in zip(*((o.plan.objective, o.slack) for o in each_optimum), strict=True)
+        )
     value = now.plan.objective - float(chance @ then)
     value = value if value > _ZERO * max(1.0, now.plan.objective) else 0.0
     ahead = 0.0
     if look_ahead > 1:
-        after = (preferences.believing(family, each) for each in beliefs)
         ahead = float(chance @ [_worth(each, c_ask, look_ahead - 1, optima) for each in after])
     return QuestionValue(family, value, ahead, max(now.slack, float(chance @ slack)))
 
