@@ -19,6 +19,9 @@ _ALL = (CONFIG_FILE, RUN_FILE, "times.json")
 # What each stage writes, as patterns of paths in its folder; records, checkpoints and runs of children have checks of
 # their own.
 WRITES: Mapping[str, tuple[str, ...]] = {
+    "ask": (
+        "plan.csv", "plan.json", "reasons.csv", "certificate.npz", "questions.csv", "expected_orders.csv",
+    ),
     "chain_recoveries": ("*.csv", "summary.json", "policy.safetensors*", "policies/**/*"),
     "check_plan": (),
     "cluster": ("modes.*", "labels.npz", "videos/*", "summary.json"),

@@ -10,7 +10,7 @@ import numpy as np
 
 from p2l.errors import ConfigError, InputError
 from p2l.records import Array
-from p2l.schema import CheckPlanConfig, PlanConfig
+from p2l.schema import AskConfig, CheckPlanConfig, PlanConfig
 from p2l.team.certificate import Verdict
 from p2l.team.columns import likeness
 from p2l.team.planners import plan
@@ -29,7 +29,7 @@ _MODELS, _FOLDS, _FEWEST_PAIRS, _LEVEL = ("logistic", "gp", "trees", "net"), 5, 
 
 
 def read_own_tasks(
-    cfg: PlanConfig | CheckPlanConfig, order: Order, max_lessons: float | None, max_teaching: float | None
+    cfg: PlanConfig | CheckPlanConfig | AskConfig, order: Order, max_lessons: float | None, max_teaching: float | None
 ) -> ShopReading:
     """The shop in the files that a configuration names, missing pairs filled as it says."""
     assert cfg.tasks is not None
@@ -48,7 +48,7 @@ def read_own_tasks(
     )
 
 
-def filling_of(cfg: PlanConfig | CheckPlanConfig) -> Filling | None:
+def filling_of(cfg: PlanConfig | CheckPlanConfig | AskConfig) -> Filling | None:
     """The model of missing pairs that a configuration asks for."""
     return None if cfg.features is None else _predictor(cfg.features, cfg.trials, cfg.seed)
 

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     )
     from p2l.schema.pipeline import ConfigStageConfig, ReportConfig
     from p2l.schema.prediction import PredictTransferConfig
+    from p2l.schema.preferences import AskConfig
     from p2l.schema.recovery import ClusterConfig, DiscoverConfig, WatchConfig
     from p2l.schema.team import CheckPlanConfig, CollectConfig, EvaluateTeamConfig, FitTransferConfig, PlanConfig
 
@@ -41,6 +42,7 @@ _HOMES = {  # module → stage → model
         "iterate_recoveries": "IterateRecoveriesConfig",
     },
     "pipeline": {"report": "ReportConfig", "config": "ConfigStageConfig"},
+    "preferences": {"ask": "AskConfig"},
     "prediction": {"predict_transfer": "PredictTransferConfig"},
     "recovery": {"discover": "DiscoverConfig", "cluster": "ClusterConfig", "watch": "WatchConfig"},
     "team": {
@@ -83,6 +85,7 @@ SCHEMAS: Mapping[str, type[StageConfig]] = _Schemas()
 __all__ = [
     "SCHEMAS",
     "ArchivedStageConfig",
+    "AskConfig",
     "ChainRecoveriesConfig",
     "CheckPlanConfig",
     "ClusterConfig",
