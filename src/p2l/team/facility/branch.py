@@ -20,9 +20,9 @@ from p2l.team.facility.alarm import Alarm
 from p2l.team.facility.count import CountCase
 from p2l.team.facility.fixing import Core, fix, shrink
 from p2l.team.facility.local_search import columns_of, descend, open_cost
-from p2l.team.facility.tabu import Walk
 from p2l.team.facility.tree import Tree
 from p2l.team.facility.volume import CLOSED, FREE, OPEN, Bound, raise_bound
+from p2l.team.facility.walk import Walk
 
 _ITERATIONS = 60  # of the volume algorithm per node
 _WIDE, _WIDE_STEP, _STEP = 0.05, 0.1, 0.03  # from this relative gap on, nodes take wide steps

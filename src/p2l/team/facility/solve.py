@@ -16,15 +16,17 @@ from p2l.records import Array, BoolArray
 from p2l.team.facility.alarm import Alarm, silent
 from p2l.team.facility.branch import Incumbent, Search, Target, branch_and_bound
 from p2l.team.facility.count import count_cases, whole_search
+from p2l.team.facility.covering import cover
 from p2l.team.facility.dual_ascent import dual_ascent
 from p2l.team.facility.fixing import Core, shrink, whole
 from p2l.team.facility.greedy import greedy_solution
 from p2l.team.facility.local_search import Columns, columns_of, descend, open_cost
 from p2l.team.facility.pairs import Pairs, PairsSolution, of_table
 from p2l.team.facility.presolve import presolve, solution_cost
-from p2l.team.facility.tabu import Walk
+from p2l.team.facility.tabu import Trail, wander
 from p2l.team.facility.tree import Tree
 from p2l.team.facility.volume import Bound, bound_of, raise_bound
+from p2l.team.facility.walk import Walk
 
 _ROUNDS = 20  # of bound, rounding and fixing at the root, unless progress ends earlier
 _ITERATIONS = 300  # of the volume algorithm per round
@@ -56,7 +58,9 @@ def load_kernels() -> None:
     open_set = descend(toy, columns_of(toy), open_set, ~open_set)
     upper = float(open_cost(toy, open_set))
     raise_bound(toy, whole(toy).state, multipliers, upper, 1)
-    Walk(toy, open_set, upper, np.random.default_rng(_SEED)).further(1.0, silent())
+    trail, rng = Trail(open_set, upper, open_set), np.random.default_rng(_SEED)
+    wander(toy, columns_of(toy), trail, 1.0, rng, steepest=True)
+    cover(toy, columns_of(toy), trail, 1, 1.0, rng, silent())
     bound_of(toy, whole(toy).state, multipliers)
 
 
