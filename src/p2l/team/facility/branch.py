@@ -198,9 +198,9 @@ def _split(
     core = node.core._replace(state=fix(node.core.state, bound, gap))
     shared_bytes = bound.multipliers.nbytes
     if len(core.pairs.cost) > _WORTH_SHRINKING:
-        smaller, smaller_bound = shrink(core, bound, gap, np.zeros(core.pairs.facilities, dtype=bool))
-        if len(smaller.pairs.cost) < 0.6 * len(core.pairs.cost):
-            core, bound, shared_bytes = smaller, smaller_bound, shared_bytes + 12 * len(smaller.pairs.cost)
+        smaller = shrink(core, bound, gap, np.zeros(core.pairs.facilities, dtype=bool), 0.6)
+        if smaller is not None:
+            (core, bound), shared_bytes = smaller, shared_bytes + 12 * len(smaller[0].pairs.cost)
     free = np.flatnonzero(core.state == FREE)
     if not free.size:
         return best.or_better(root, core, core.state == OPEN)

@@ -57,7 +57,8 @@ def load_kernels() -> None:
     greedy_solution(toy)
     open_set = descend(toy, columns_of(toy), open_set, ~open_set)
     upper = float(open_cost(toy, open_set))
-    raise_bound(toy, whole(toy).state, multipliers, upper, 1)
+    bound = raise_bound(toy, whole(toy).state, multipliers, upper, 1)
+    shrink(whole(toy), bound, 1.0, open_set)
     trail, rng = Trail(open_set, upper, open_set), np.random.default_rng(_SEED)
     wander(toy, columns_of(toy), trail, 1.0, rng, steepest=True)
     cover(toy, columns_of(toy), trail, 1, 1.0, rng, silent())
@@ -201,8 +202,9 @@ def _shrunk(root: Root, target: Target) -> tuple[Root, Columns] | None:
     gap = target.cutoff(root.upper) - root.bound.value
     if gap <= 0.0:
         return None
-    core, bound = shrink(root.core, root.bound, gap, root.open)
-    if len(core.pairs.cost) > 0.7 * len(root.core.pairs.cost):
+    smaller = shrink(root.core, root.bound, gap, root.open, 0.7)
+    if smaller is None:
         return None
+    core, bound = smaller
     rest = np.isin(root.core.origin, core.origin)
     return Root(core, root.open[rest], root.upper, bound), columns_of(core.pairs)
