@@ -16,9 +16,9 @@ from p2l.team.facility.dual_ascent import dual_ascent
 from p2l.team.facility.fixing import whole
 from p2l.team.facility.local_search import open_cost
 from p2l.team.facility.presolve import presolve
-from p2l.team.facility.tabu import Walk
 from p2l.team.facility.tree import Tree
 from p2l.team.facility.volume import raise_bound
+from p2l.team.facility.walk import Walk
 from p2l.team.problem import Certificate
 from tests.team.team_instances import cheapest_by_hand, covering
 

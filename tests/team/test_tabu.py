@@ -6,7 +6,8 @@ from hypothesis import strategies as st
 from p2l.team.facility import of_table
 from p2l.team.facility.alarm import silent
 from p2l.team.facility.local_search import columns_of, descend, open_cost
-from p2l.team.facility.tabu import Trail, Walk, wander
+from p2l.team.facility.tabu import Trail, wander
+from p2l.team.facility.walk import Walk
 from tests.team.team_instances import cheapest_by_hand, covering, dense, tables
 
 

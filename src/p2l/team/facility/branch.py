@@ -20,11 +20,12 @@ from p2l.team.facility.alarm import Alarm
 from p2l.team.facility.count import CountCase
 from p2l.team.facility.fixing import Core, fix, shrink
 from p2l.team.facility.local_search import columns_of, descend, open_cost
-from p2l.team.facility.tabu import Walk
 from p2l.team.facility.tree import Tree
 from p2l.team.facility.volume import CLOSED, FREE, OPEN, Bound, raise_bound
+from p2l.team.facility.walk import Walk
 
-_ITERATIONS = 60  # of the volume algorithm per node
+_ITERATIONS = 150  # of the volume algorithm per node at most
+_LOOK, _PROGRESS = 30, 0.2  # a node is given up, and split, when so many of them close less of the gap
 _WIDE, _WIDE_STEP, _STEP = 0.05, 0.1, 0.03  # from this relative gap on, nodes take wide steps
 _ROUNDED_NODES = 20  # these try to improve the plan, afterwards every tenth does
 _WORTH_SHRINKING = 500  # pairs; a smaller instance costs nothing to evaluate
@@ -149,12 +150,12 @@ def branch_and_bound(
             continue
         core = case.core
         v, state = case.multipliers, core.state
-        case_bound = raise_bound(core.pairs, state, v, cutoff, _ITERATIONS, flag=alarm.flag, step=step)
+        case_bound = raise_bound(core.pairs, state, v, cutoff, _ITERATIONS, _PROGRESS, alarm.flag, step, _LOOK)
         tree.price(case.serial, case_bound.multipliers, part.price)
         if nodes < _ROUNDED_NODES or nodes % 10 == 0:
             best = best.or_better(root, core, _rounding(core, case_bound))
         nodes += 1
-        steps += share * _ITERATIONS * min(len(core.pairs.cost), _READ * core.pairs.demands)
+        steps += share * _LOOK * min(len(core.pairs.cost), _READ * core.pairs.demands)
         if steps >= _WALK:
             best, steps = best.after(walk, steps, alarm), 0.0
         cutoff = target.cutoff(best.upper) - part.offset
@@ -197,9 +198,9 @@ def _split(
     core = node.core._replace(state=fix(node.core.state, bound, gap))
     shared_bytes = bound.multipliers.nbytes
     if len(core.pairs.cost) > _WORTH_SHRINKING:
-        smaller, smaller_bound = shrink(core, bound, gap, np.zeros(core.pairs.facilities, dtype=bool))
-        if len(smaller.pairs.cost) < 0.6 * len(core.pairs.cost):
-            core, bound, shared_bytes = smaller, smaller_bound, shared_bytes + 12 * len(smaller.pairs.cost)
+        smaller = shrink(core, bound, gap, np.zeros(core.pairs.facilities, dtype=bool), 0.6)
+        if smaller is not None:
+            (core, bound), shared_bytes = smaller, shared_bytes + 12 * len(smaller[0].pairs.cost)
     free = np.flatnonzero(core.state == FREE)
     if not free.size:
         return best.or_better(root, core, core.state == OPEN)

@@ -4,6 +4,7 @@ With a bound L(v) and a plan of cost U, a facility whose reduced cost exceeds U 
 one below -(U - L(v)) is open, and a pair is unused when opening its facility and overpaying its demand's price would
 together exceed the gap. Demands are never removed, so multipliers keep their meaning on the smaller instance.
 """
+# mypy: disable-error-code="no-untyped-def"
 
 from __future__ import annotations
 
@@ -12,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from p2l.records import BoolArray, IntArray
+from p2l.team.facility.kernel import kernel
 from p2l.team.facility.pairs import Pairs
 from p2l.team.facility.volume import CLOSED, FREE, OPEN, Bound, State
 
@@ -44,26 +46,54 @@ def fix(state: State, bound: Bound, gap: float) -> State:
     return after
 
 
-def shrink(core: Core, bound: Bound, gap: float, keep: BoolArray) -> tuple[Core, Bound]:
+def shrink(core: Core, bound: Bound, gap: float, keep: BoolArray, most: float = 1.0) -> tuple[Core, Bound] | None:
     """The core without the facilities and pairs that fixing removes, and the bound in its indices.
 
-    Facilities marked in `keep` [F] (the incumbent) stay, with all their pairs.
+    None where more than the share `most` of its pairs stay. Facilities marked in `keep` [F] (the incumbent) stay, with
+    all their pairs.
     """
     pairs = core.pairs
     state = fix(core.state, bound, gap)
     stays = (state != CLOSED) | keep
-    detour = np.where(state == OPEN, 0.0, np.maximum(bound.reduced_cost, 0.0))[pairs.facility]  # an open one is paid
-    detour += np.maximum(pairs.cost - np.repeat(bound.multipliers, np.diff(pairs.start)), 0.0)
-    useful = ((detour <= gap) | keep[pairs.facility]) & stays[pairs.facility]
+    detour = np.where(state == OPEN, 0.0, np.maximum(bound.reduced_cost, 0.0))  # an open one is paid
+    detour[keep], detour[~stays] = -np.inf, np.inf
+    start = _count_useful(pairs, bound.multipliers, detour, gap, bool(keep.any()))
+    if start[-1] > most * len(pairs.cost):
+        return None
     rest = np.flatnonzero(stays)
     new_index = np.full(pairs.facilities, -1, dtype=np.int32)
     new_index[rest] = np.arange(rest.size)
-    smaller = Pairs(
-        opening=pairs.opening[rest],
-        outside=pairs.outside,
-        start=np.concatenate([[0], np.cumsum(useful)])[pairs.start],
-        facility=new_index[pairs.facility[useful]],
-        cost=pairs.cost[useful],
-    )
+    facility, cost = _gather_useful(pairs, bound.multipliers, detour, gap, start, new_index)
+    smaller = Pairs(pairs.opening[rest], pairs.outside, start, facility, cost)
     smaller_bound = bound._replace(reduced_cost=bound.reduced_cost[rest], share=bound.share[rest])
     return Core(smaller, core.origin[rest], np.maximum(state[rest], np.int8(FREE))), smaller_bound
+
+
+@kernel
+def _count_useful(pairs, v, detour, gap, whole_rows):
+    """[D + 1] where each row would begin; the end of a row is read only where pairs are kept however dear."""
+    start, facility, cost = pairs.start, pairs.facility, pairs.cost
+    new_start, count = np.zeros(start.size, dtype=np.int64), 0
+    for i in range(v.size):
+        for z in range(start[i], start[i + 1]):
+            above = max(cost[z] - v[i], 0.0)
+            if above > gap and not whole_rows:
+                break
+            if detour[facility[z]] + above <= gap:
+                count += 1
+        new_start[i + 1] = count
+    return new_start
+
+
+@kernel
+def _gather_useful(pairs, v, detour, gap, new_start, new_index):
+    facility, cost = np.empty(new_start[-1], dtype=np.int32), np.empty(new_start[-1])
+    for i in range(v.size):
+        place, z = new_start[i], pairs.start[i]
+        while place < new_start[i + 1]:
+            j = pairs.facility[z]
+            if detour[j] + max(pairs.cost[z] - v[i], 0.0) <= gap:
+                facility[place], cost[place] = new_index[j], pairs.cost[z]
+                place += 1
+            z += 1
+    return facility, cost

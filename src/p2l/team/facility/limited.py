@@ -216,11 +216,9 @@ class _LimitedSearch:
         bound = here.bound
         core = core._replace(state=self._closed(core, fix(core.state, bound, gap)))
         if len(core.pairs.cost) > 500:
-            opening = core.pairs.opening
-            nothing = np.zeros(core.pairs.facilities, dtype=bool)
-            smaller, smaller_bound = shrink(core, bound, gap, nothing)
-            if len(smaller.pairs.cost) < 0.7 * len(opening) or len(smaller.pairs.cost) < 0.7 * len(core.pairs.cost):
-                core, bound = smaller, smaller_bound
+            smaller = shrink(core, bound, gap, np.zeros(core.pairs.facilities, dtype=bool), 0.7)
+            if smaller is not None:
+                core, bound = smaller
                 if serial == 0:
                     serial = self.tree.child(serial)
         here = here._replace(bound=bound)

@@ -16,15 +16,17 @@ from p2l.records import Array, BoolArray
 from p2l.team.facility.alarm import Alarm, silent
 from p2l.team.facility.branch import Incumbent, Search, Target, branch_and_bound
 from p2l.team.facility.count import count_cases, whole_search
+from p2l.team.facility.covering import cover
 from p2l.team.facility.dual_ascent import dual_ascent
 from p2l.team.facility.fixing import Core, shrink, whole
 from p2l.team.facility.greedy import greedy_solution
 from p2l.team.facility.local_search import Columns, columns_of, descend, open_cost
 from p2l.team.facility.pairs import Pairs, PairsSolution, of_table
 from p2l.team.facility.presolve import presolve, solution_cost
-from p2l.team.facility.tabu import Walk
+from p2l.team.facility.tabu import Trail, wander
 from p2l.team.facility.tree import Tree
 from p2l.team.facility.volume import Bound, bound_of, raise_bound
+from p2l.team.facility.walk import Walk
 
 _ROUNDS = 20  # of bound, rounding and fixing at the root, unless progress ends earlier
 _ITERATIONS = 300  # of the volume algorithm per round
@@ -55,8 +57,11 @@ def load_kernels() -> None:
     greedy_solution(toy)
     open_set = descend(toy, columns_of(toy), open_set, ~open_set)
     upper = float(open_cost(toy, open_set))
-    raise_bound(toy, whole(toy).state, multipliers, upper, 1)
-    Walk(toy, open_set, upper, np.random.default_rng(_SEED)).further(1.0, silent())
+    bound = raise_bound(toy, whole(toy).state, multipliers, upper, 1)
+    shrink(whole(toy), bound, 1.0, open_set)
+    trail, rng = Trail(open_set, upper, open_set), np.random.default_rng(_SEED)
+    wander(toy, columns_of(toy), trail, 1.0, rng, steepest=True)
+    cover(toy, columns_of(toy), trail, 1, 1.0, rng, silent())
     bound_of(toy, whole(toy).state, multipliers)
 
 
@@ -197,8 +202,9 @@ def _shrunk(root: Root, target: Target) -> tuple[Root, Columns] | None:
     gap = target.cutoff(root.upper) - root.bound.value
     if gap <= 0.0:
         return None
-    core, bound = shrink(root.core, root.bound, gap, root.open)
-    if len(core.pairs.cost) > 0.7 * len(root.core.pairs.cost):
+    smaller = shrink(root.core, root.bound, gap, root.open, 0.7)
+    if smaller is None:
         return None
+    core, bound = smaller
     rest = np.isin(root.core.origin, core.origin)
     return Root(core, root.open[rest], root.upper, bound), columns_of(core.pairs)

@@ -24,7 +24,7 @@ import numpy as np
 from p2l.records import Array, BoolArray, IntArray
 from p2l.team.facility.alarm import Flag, silent
 from p2l.team.facility.kernel import kernel
-from p2l.team.facility.local_search import Columns, columns_of, open_cost
+from p2l.team.facility.local_search import Columns, open_cost
 from p2l.team.facility.pairs import Pairs
 
 _SHORT, _SPREAD = 4, 6  # moves that stay tabu by the steepest rule: at least so many, and at random so many more
@@ -208,42 +208,3 @@ def _wander(pairs, columns, is_open, upper, effort, seed, steepest, threshold, f
             upper = cost
             best[:] = is_open
     return best
-
-
-class Walk:
-    """A tabu search that goes on whenever it is given effort; its rules take turns.
-
-    Args:
-        pairs: the instance.
-        open_set: [F] where it begins.
-        upper: its cost.
-        rng: of ties, of tenures and of facilities closed at random.
-    """
-
-    def __init__(self, pairs: Pairs, open_set: BoolArray, upper: float, rng: np.random.Generator) -> None:
-        self._pairs, self._columns, self._rng = pairs, columns_of(pairs), rng
-        self._trail, self._turns = Trail(open_set, upper, open_set), 0
-
-    @property
-    def cost(self) -> float:
-        """Of its best plan."""
-        return self._trail.cost
-
-    def further(self, effort: float, flag: Flag) -> Trail:
-        """Where the search stands after some more steps of work, fewer if the `flag` is raised."""
-        steepest = self._turns % 2 == 0
-        self._trail = wander(self._pairs, self._columns, self._trail, effort, self._rng, steepest=steepest, flag=flag)
-        self._turns += 1
-        return self._trail
-
-    def patiently(self, patience: float, flag: Flag) -> Trail:
-        """Where it stands when it has found nothing better for `patience` steps."""
-        idle, turns = 0, 8
-        while idle < turns and flag[0] == 0:
-            before = self._trail.cost
-            idle = 0 if self.further(patience / turns, flag).cost < before else idle + 1
-        return self._trail
-
-    def goes_on_from(self, open_set: BoolArray, upper: float) -> None:
-        """A better plan was found elsewhere: open set [F] and cost."""
-        self._trail = Trail(open_set, upper, open_set)

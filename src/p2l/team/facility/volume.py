@@ -23,7 +23,7 @@ from p2l.team.facility.pairs import Pairs
 State = npt.NDArray[np.int8]
 FREE, OPEN, CLOSED = 0, 1, -1
 _FIRST_STEP = 0.1
-_CHECK = 100  # iterations between two looks at the progress
+_CHECK = 100  # iterations after which the averages may become slower
 
 
 class Bound(NamedTuple):
@@ -51,6 +51,7 @@ def raise_bound(
     progress: float = 1e-4,
     flag: Flag | None = None,
     step: float = _FIRST_STEP,
+    look: int = _CHECK,
 ) -> Bound:
     """Improve multipliers [D] by volume iterations.
 
@@ -60,12 +61,13 @@ def raise_bound(
         multipliers: [D] where to begin, each at most the outside cost.
         upper: cost of a known plan; a bound that reaches it ends the search.
         iterations: at most this many.
-        progress: stop when 100 iterations close less than this share of the gap.
+        progress: stop when the iterations between two looks close less than this share of the gap.
         flag: stops them when it is raised.
         step: the first step, as a share of the way to what a known plan costs.
+        look: iterations between two looks.
     """
     flag = silent() if flag is None else flag
-    return Bound(*_ascend(pairs, state, multipliers, upper, step, iterations, progress, flag))
+    return Bound(*_ascend(pairs, state, multipliers, upper, step, iterations, progress, look, flag))
 
 
 def bound_of(pairs: Pairs, state: State, multipliers: Array) -> float:
@@ -138,7 +140,7 @@ def _average(state, reduced_cost, residual, mean, share, weight):
 
 
 @kernel
-def _ascend(pairs, state, v, upper, step, iterations, progress, flag):
+def _ascend(pairs, state, v, upper, step, iterations, progress, look, flag):
     demands, facilities = v.size, pairs.opening.size
     centre, trial = v.copy(), np.empty(demands)
     best_reduced_cost, reduced_cost = np.empty(facilities), np.empty(facilities)
@@ -147,7 +149,7 @@ def _ascend(pairs, state, v, upper, step, iterations, progress, flag):
     share = np.zeros(facilities)
     for j in range(facilities):
         share[j] = 1.0 if _is_open(state, best_reduced_cost, j) else 0.0
-    weight, idle, last_check = 0.1, 0, value
+    weight, idle, last_look, last_check = 0.1, 0, value, value
     aim = upper + max(0.05 * (upper - value), 1e-8 * abs(upper))  # steps that aim at a value never pass it
     for t in range(iterations):
         if flag[0] != 0 or value >= upper or not _move(pairs.outside, centre, mean, step, aim - value, trial):
@@ -164,9 +166,11 @@ def _ascend(pairs, state, v, upper, step, iterations, progress, flag):
             idle += 1
             if idle == 20:
                 step, idle = step * 0.66, 0
-        if t % _CHECK == _CHECK - 1:
-            if value - last_check < progress * (upper - value):
+        if t % look == look - 1:
+            if value - last_look < progress * (upper - value):
                 break
+            last_look = value
+        if t % _CHECK == _CHECK - 1:
             if value - last_check < 0.01 * abs(value):
                 weight = max(0.01, weight * 0.7)
             last_check = value
