@@ -4,6 +4,7 @@ A checkout runs its own `p2l`, whichever one the environment has installed: DVC 
 ones that must run.
 """
 
+import gc
 import os
 import signal
 import sys
@@ -23,10 +24,15 @@ def _stop(number: int, frame: object) -> NoReturn:  # noqa: ARG001
 
 
 def begin() -> None:
-    """From here on, Ctrl-C is the stage's own matter."""
+    """All is imported; from here on, Ctrl-C is the stage's own matter."""
+    if not gc.isenabled():
+        gc.freeze()
+        gc.enable()
     if signal.getsignal(signal.SIGINT) is _stop:
         signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
-if sys.argv[:1] == ["-m"] and signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # python -m stages.…
-    signal.signal(signal.SIGINT, _stop)
+if sys.argv[:1] == ["-m"]:  # python -m stages.…
+    gc.disable()  # what is imported stays; looking through it for garbage takes a tenth of a short plan
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+        signal.signal(signal.SIGINT, _stop)
