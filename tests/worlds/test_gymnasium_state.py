@@ -19,7 +19,7 @@ SCALARS = st.none() | st.booleans() | st.integers() | st.floats() | st.text() | 
 ARRAYS = st.sampled_from(["<f8", "<f4", "<i8", "|u1", "|b1", "<U3"]).flatmap(
     lambda dtype: st.lists(st.integers(0, 9), max_size=5).map(lambda values: np.array(values).astype(dtype))
 )
-MOVABLE = ["body_pos", "body_mass", "geom_rgba", "geom_group", "jnt_range", "cam_pos", "dof_damping", "actuator_gear"]
+MOVABLE = ["body_pos", "body_mass", "geom_rgba", "geom_group", "jnt_range", "dof_damping", "actuator_gear"]
 VALUES = st.recursive(
     SCALARS | ARRAYS,
     lambda inner: (
