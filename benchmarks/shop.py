@@ -17,48 +17,20 @@ import time
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-import numpy as np
-
 from benchmarks import report
-from p2l.team.shop import Shop, check_shop_plan, plan_shop
+from benchmarks.instances import large_shop
+from p2l.team.shop import check_shop_plan, plan_shop
 
 _README = Path(__file__).resolve().parents[1] / "README.md"
 
 
-def made_up(n: int, robots: int, arcs: int, limit: str, seed: int) -> Shop:
-    """Tasks in a square of four features; a lesson carries over to what is near, a bit less with each robot."""
-    rng = np.random.default_rng(seed)
-    place = rng.random((n, 4))
-    distance = np.linalg.norm(place[:, None] - place[None], axis=-1)
-    pairs: set[tuple[int, int]] = set()
-    rank = rng.permutation(n)
-    while len(pairs) < arcs:
-        one, other = sorted(rng.choice(n, 2, replace=False).tolist())
-        pairs.add((int(rank[one]), int(rank[other])))
-    names = tuple(f"task {i}" for i in range(n))
-    return Shop(
-        tasks=names,
-        robots=tuple(f"robot {i}" for i in range(robots)),
-        lessons=names,
-        completes=np.arange(n),
-        count=np.where(rng.random(n) < 0.3, rng.integers(2, 6, n), 1) if robots > 1 else np.ones(n, dtype=np.int64),
-        c_hum=rng.uniform(80, 120, n).round(1),
-        c_rob=rng.uniform(8, 15, (robots, n)).round(1),
-        c_fail=rng.uniform(80, 120, (robots, n)).round(1),
-        pretrained=np.zeros((robots, n)),
-        c_demo=rng.uniform(150, 250, (robots, n)).round(1),
-        transfer=np.exp(-3.0 * distance)[None] * rng.uniform(0.8, 1.0, (robots, 1, 1)),
-        choice=np.full(n, -1),
-        order="partial" if arcs else "fixed",
-        before=np.array(sorted(pairs)) if arcs else None,
-        max_lessons=float(n // 60) if limit == "lessons" else math.inf,
-        max_teaching=1.5 * n if limit == "teaching" else math.inf,
-    )
-
-
 def measure(n: int, robots: int, arcs: int, limit: str, seed: int, time_limit_s: float) -> report.Row:
     """Plan one shop, and check the plan."""
-    shop = made_up(n, robots, arcs, limit, seed)
+    shop = large_shop(
+        n, robots, seed=seed, counts=robots > 1, arcs=arcs,
+        max_lessons=float(n // 60) if limit == "lessons" else math.inf,
+        max_teaching=1.5 * n if limit == "teaching" else math.inf,
+    )  # fmt: skip
     start, cpu = time.perf_counter(), time.process_time()
     day = plan_shop(shop, time_limit_s=time_limit_s)
     seconds, cpu_s = time.perf_counter() - start, time.process_time() - cpu
@@ -105,7 +77,7 @@ def main(arguments: list[str] | None = None) -> None:
     if args.stage:
         report.finish([stage(tracking, 3) for tracking in ("disabled", "local")], args.json)
         return
-    plan_shop(made_up(50, 2, 0, "lessons", 0))  # loads what is compiled
+    plan_shop(large_shop(50, 2, max_lessons=1.0))  # loads what is compiled
     cases = [(1000, 2, 0, "lessons"), (1000, 2, 0, "teaching"), (200, 1, 200, "")]
     rows = [measure(*case, seed, args.time_limit) for case in cases for seed in range(args.seeds)]
     report.finish(rows, args.json)

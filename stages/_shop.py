@@ -11,13 +11,17 @@ import numpy as np
 from p2l.errors import ConfigError, InputError
 from p2l.records import Array
 from p2l.schema import CheckPlanConfig, PlanConfig
+from p2l.team.certificate import Verdict
+from p2l.team.columns import likeness
 from p2l.team.planners import plan
 from p2l.team.sheets import check_standard_input
-from p2l.team.shop import Shop, ShopPlan, plan_shop
+from p2l.team.shop import Shop, ShopPlan, check_shop_plan, plan_shop
 from p2l.team.shop.explain import break_even_rows, explain_shop, reason_rows
-from p2l.team.shop.files import check_shop_place, of_plan, write_shop_plan
+from p2l.team.shop.files import check_shop_place, of_plan, read_shop_plan, settings_of, write_shop_plan
 from p2l.team.shop.reading import Filling, ShopReading, read_shop
 from p2l.team.shop.reasons import reasons_of
+from p2l.team.shop.reasons_check import check_reasons
+from p2l.team.shop.saved import save_shop
 from p2l.tracking import Tracker
 
 Order = Literal["fixed", "any"]
@@ -51,7 +55,7 @@ def filling_of(cfg: PlanConfig | CheckPlanConfig) -> Filling | None:
 
 def plan_own_tasks(cfg: PlanConfig, out: Path, track: Tracker) -> None:
     """Write the plan of a person's own tasks, its figure and its page, and print the reasons."""
-    from p2l.evaluation.team.page import write_page
+    from p2l.evaluation.team.page import PageContent, write_page
     from p2l.evaluation.team.shop_figure import save_shop_figure
 
     inputs = [path for path in (cfg.tasks, cfg.transfer, *cfg.files) if path is not None]
@@ -64,10 +68,9 @@ def plan_own_tasks(cfg: PlanConfig, out: Path, track: Tracker) -> None:
     picture = (out / "plan.png").read_bytes()
     why, near = reason_rows(shop, reasons), break_even_rows(shop, reasons)
     alone = None if math.isnan(reasons.alone) else reasons.alone
-    write_page(
-        out / "plan.html", shop, day, why, reading.remarks, picture, cfg.subject,
-        break_even=near, without_lessons=alone,
-    )  # fmt: skip
+    content = PageContent(shop, day, cfg.subject, why, near, alone, reading.remarks, picture)
+    write_page(out / "plan.html", content)
+    save_shop(out, reading.saved)
     write_shop_plan(out, shop, day, reasons, extra=reading.extra, remarks=reading.remarks)
     track.metrics({"objective": day.objective, "lower_bound": day.lower_bound, "seconds": day.seconds})
     for name in ("plan.png", "plan.html"):
@@ -75,6 +78,22 @@ def plan_own_tasks(cfg: PlanConfig, out: Path, track: Tracker) -> None:
     for remark in reading.remarks:
         print(f"Note: {remark}")
     print(explain_shop(shop, day, reasons))
+
+
+def check_today(cfg: CheckPlanConfig) -> tuple[Verdict, str, list[str]]:
+    """What was recomputed, of what, and what else was found to be so."""
+    from p2l.evaluation.team.page import check_page
+
+    reading = read_own_tasks(cfg, *settings_of(cfg.plan))
+    shop = reading.shop
+    day = read_shop_plan(cfg.plan, shop, reading.extra)
+    verdict = check_shop_plan(shop, day)
+    notes = ["plan.html shows this cost and this day."] if check_page(cfg.plan / "plan.html", shop, day) else []
+    reasons = check_reasons(cfg.plan, shop, day, time_limit_s=cfg.reasons_s)
+    if reasons is not None:
+        rest = f"; {reasons.unknown} were not, for want of time (reasons_s=…)" if reasons.unknown else ""
+        notes.append(f"reasons.csv: {reasons.compared} numbers solved for again, all are the same{rest}.")
+    return verdict, f"{int(shop.count.sum())} tasks, order {shop.order}", notes
 
 
 def _plan(cfg: PlanConfig, shop: Shop) -> ShopPlan:
@@ -105,9 +124,9 @@ def _predictor(features: Path, trials: Path | None, seed: int) -> Filling:
     def fill(taught: tuple[str, ...], tested: tuple[str, ...]) -> Array:
         unknown = [name for name in (*taught, *tested) if name not in tasks.names]
         if unknown:
-            raise InputError.at(
-                features, None, "task", f"has no row for '{unknown[0]}', whose pairs are to be predicted"
-            )
+            others = set(tasks.names) - {*taught, *tested}
+            problem = f"has no row for '{unknown[0]}', whose pairs are to be predicted{likeness(unknown[0], others)}"
+            raise InputError.at(features, None, "task", problem)
         rng = generator(seed, "predict_transfer")
         prediction = predict(FitSetting(tasks, Prior()), tried, _MODELS, _FOLDS, _FEWEST_PAIRS, _LEVEL, rng=rng)
         place = {name: index for index, name in enumerate(tasks.names)}

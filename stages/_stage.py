@@ -37,10 +37,12 @@ from yaml import YAMLError  # type: ignore[import-untyped]
 from p2l.artifacts import config_hash, write_text
 from p2l.errors import P2LError
 from p2l.manifest import check_place, write_manifest
-from p2l.schema import PATHS, StageConfig, resolve, validate
+from p2l.schema import StageConfig, paths_of, resolve, validate
 from p2l.text import printable
 from p2l.tracking import RUN_FILE, RunCard, Tracker, safe_uri, start
-from stages import ROOT
+from stages import ROOT, begin
+from stages._decimals import told_apart
+from stages._place import CONFIG_FILE, LOG_FILE, NOTE_FILE, claim, clear, release
 from stages._stdout import listen
 
 ConfigT = TypeVar("ConfigT", bound=StageConfig)
@@ -49,8 +51,6 @@ FinishedCheck = Callable[[ConfigT, Path], str | None]
 
 STOPPED_VARIABLE = "P2L_STOPPED"  # says to what ends at exit that this process was stopped
 PARENT_VARIABLE = "P2L_PARENT_RUN"
-CONFIG_FILE, LOG_FILE = "config.yaml", "stage.log"
-_PATHS = PATHS | {"hydra.run.dir"}  # files and folders that a person names on the command line
 _ALWAYS = ("hydra.output_subdir=null", "hydra/job_logging=none")  # this module keeps the config and the log
 
 
@@ -95,22 +95,23 @@ def stage(
 
         @functools.wraps(function)
         def main() -> None:
-            sys.exit(_command_line(name, entry))
+            sys.exit(_command_line(name, paths_of(schema) | {"hydra.run.dir"}, entry))
 
         return main
 
     return decorate
 
 
-def _command_line(name: str, entry: Callable[[], Any]) -> int:
-    """Run Hydra on the command line; returns the exit code."""
+def _command_line(name: str, paths: frozenset[str], entry: Callable[[], Any]) -> int:
+    """Run Hydra on the command line, where `paths` are the keys of files and folders; returns the exit code."""
     os.environ["HYDRA_FULL_ERROR"] = "1"  # else Hydra reports errors in its own way and exits with 1
     command = safe_uri(shlex.join(["python", "-m", f"stages.{name}", *sys.argv[1:]]))
-    sys.argv[1:] = _arguments(sys.argv[1:])
+    sys.argv[1:] = _arguments(sys.argv[1:], paths)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # an ASCII terminal is no reason to fail after the work is done
             stream.reconfigure(errors="backslashreplace")
     listen()
+    begin()
     signal.signal(signal.SIGTERM, _terminate)
     try:
         entry()
@@ -127,7 +128,7 @@ def _command_line(name: str, entry: Callable[[], Any]) -> int:
     return 0
 
 
-def _arguments(words: list[str]) -> list[str]:
+def _arguments(words: list[str], paths: frozenset[str]) -> list[str]:
     """Options first, since Hydra wants the overrides together; a config path counts from the working folder."""
     options: list[str] = []
     overrides: list[str] = []
@@ -139,18 +140,18 @@ def _arguments(words: list[str]) -> list[str]:
         else:
             (overrides if re.match(r"[^-].*=|~", word) else options).append(word)
     if not {"-m", "--multirun"} & set(options):  # in a sweep a comma separates values
-        overrides = [_plain_path(word) for word in overrides]
+        overrides = [_plain_path(word, paths) for word in overrides]
     keys = {word.partition("=")[0] for word in overrides}
     return options + overrides + [always for always in _ALWAYS if always.partition("=")[0] not in keys]
 
 
-def _plain_path(word: str) -> str:
+def _plain_path(word: str, paths: frozenset[str]) -> str:
     """A person's file as the shell gave it, quoted where Hydra's grammar would read more than a path into it.
 
     What is written for Hydra stays: quotes, escapes, interpolations and null.
     """
     key, _, value = word.partition("=")
-    if key not in _PATHS or value in ("", "null") or value[0] in "'\"" or "\\" in value or "${" in value:
+    if key not in paths or value in ("", "null") or value[0] in "'\"" or "\\" in value or "${" in value:
         return word
     path = os.path.expanduser(value)  # noqa: PTH111 (the shell leaves a ~ after = alone; Path fails without a home)
     if re.fullmatch(r"[\w./-]+", path, re.ASCII):
@@ -160,7 +161,7 @@ def _plain_path(word: str) -> str:
 
 
 def _one_message(error: BaseException) -> str:
-    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    lines = [line.strip() for line in str(told_apart(error)).splitlines() if line.strip()]
     if error.__cause__ is not None and (cause := str(error.__cause__).splitlines()):
         lines.append(f"({cause[0]})")
     return "\n  ".join(dict.fromkeys(lines))
@@ -220,7 +221,7 @@ def _stop_behind(error: BaseException | None) -> BaseException | None:
 
 def _what_goes_on(name: str, out: Path, before: set[Path]) -> str:
     """What a stopped job has left, and the command that goes on from it."""
-    ours = {out / RUN_FILE, out / LOG_FILE}
+    ours = {out / RUN_FILE, out / LOG_FILE, out / NOTE_FILE}
     left = {file for file in out.rglob("*") if file.is_file()} - before - ours
     if not left:
         _clear(out, before)
@@ -246,6 +247,7 @@ def _run(
     if finished is not None and (message := finished(cfg, out)):
         print(message)
         return
+    claim(name, out)
     plain = cfg.model_dump(mode="json")
     if cfg.tracking.uri is not None:
         plain["tracking"]["uri"] = safe_uri(cfg.tracking.uri)
@@ -263,6 +265,7 @@ def _run(
         function(cfg, out, track)
         write_text(out / CONFIG_FILE, OmegaConf.to_yaml(OmegaConf.create(plain)))
         write_manifest(out, frozenset({CONFIG_FILE}))
+        release(out)
     print(f"stage {name}: outputs in {os.path.relpath(out)}")
 
 
@@ -290,10 +293,5 @@ def _log_to(out: Path) -> None:
 
 
 def _clear(out: Path, before: set[Path]) -> None:
-    """Take away what this module wrote, so that a refused input leaves what was there before, or nothing."""
     logging.basicConfig(handlers=[logging.StreamHandler()], force=True)
-    for file in (out / RUN_FILE, out / LOG_FILE):
-        if file not in before:
-            file.unlink(missing_ok=True)
-    if not before and not any(out.iterdir()):
-        out.rmdir()
+    clear(out, before)

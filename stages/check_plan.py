@@ -6,11 +6,9 @@ from pathlib import Path
 
 from p2l.errors import ConfigError
 from p2l.schema import CheckPlanConfig
-from p2l.team.shop import check_shop_plan
-from p2l.team.shop.files import read_shop_plan, settings_of
 from p2l.team.tomorrow.files import is_two_stage
 from p2l.tracking import Tracker
-from stages._shop import read_own_tasks
+from stages._shop import check_today
 from stages._stage import stage
 from stages._tomorrow import check_both_days
 
@@ -18,18 +16,18 @@ from stages._tomorrow import check_both_days
 @stage("check_plan", CheckPlanConfig)
 def run(cfg: CheckPlanConfig, out: Path, track: Tracker) -> None:  # noqa: ARG001
     """Print what was recomputed."""
+    notes: list[str] = []
     if is_two_stage(cfg.plan):
         verdict, what = check_both_days(cfg)
     elif cfg.has_future:
         raise ConfigError(f"plan={cfg.plan}: is for today alone; leave out scenarios, forecast and tomorrow")
     else:
-        reading = read_own_tasks(cfg, *settings_of(cfg.plan))
-        shop = reading.shop
-        verdict = check_shop_plan(shop, read_shop_plan(cfg.plan, shop, reading.extra))
-        what = f"{int(shop.count.sum())} tasks, order {shop.order}"
+        verdict, what, notes = check_today(cfg)
     proof = "optimal" if verdict.optimal else f"at most {verdict.gap:.2%} of its cost above the optimum"
     track.metrics({"objective": verdict.cost, "lower_bound": verdict.bound, "gap": verdict.gap})
     print(f"{cfg.plan}: {what}; costs {verdict.cost:,.6g}; no plan costs less than {verdict.bound:,.6g}: {proof}.")
+    for note in notes:
+        print(note)
 
 
 if __name__ == "__main__":

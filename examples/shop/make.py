@@ -16,12 +16,12 @@ FAMILIES = {  # tasks; typical diameter in mm, length in mm, clearance in µm, m
     "screw": (4, 5, 16, 120, 0.01), "clip": (3, 10, 15, 400, 0.02), "bearing": (3, 22, 8, 15, 0.08),
     "cover": (2, 80, 5, 600, 0.40), "cable": (2, 6, 200, 800, 0.15), "spring": (2, 9, 35, 500, 0.02),
 }  # fmt: skip
-CATALOGUE = ("peg_5", "connector_4", "screw_4")  # lessons that could be given, and no orders of today
+CATALOGUE = {"peg_5": 10, "connector_4": 17, "screw_4": 18}  # lessons that are on no order of today; minutes
 COSTS = ((1, 4), (8, 15), (8, 20), (15, 30))  # minutes
 BEFORE = (("peg", "bearing"), ("bearing", "gear"), ("gear", "cover"), ("connector", "cable"))  # of each machine
 HEADERS = {"features": "task,diameter_mm,length_mm,clearance_um,mass_kg,material,family", "before": "before,after",
            "trials": "taught,tested,successes,attempts",
-           "forecast": "task,mean,distribution",
+           "forecast": "task,mean,distribution", "robots": "robot,task,c_demo",
            "orders": "task,c_rob,c_hum,c_fail,c_demo,pretrained,family,count"}  # fmt: skip
 
 
@@ -43,7 +43,7 @@ def truth(rows, rng):
 
 
 def main(folder=Path(__file__).parent, seed=3, n_trials=60):
-    """Write the five files; returns the hidden truth."""
+    """Write the files; returns the hidden truth."""
     rng = np.random.default_rng(seed)
     p, alike = truth(rows := list(tasks(rng)), rng)
     odds = np.where(alike, 12.0, 1.0) / np.where(alike, 12.0, 1.0).sum()  # who tries, tries what looks alike
@@ -56,7 +56,9 @@ def main(folder=Path(__file__).parent, seed=3, n_trials=60):
     expected = [[order[0], rng.choice([0, 0.5, 1, 3]), rng.choice(kinds)] for order in sorted(orders)]
     today = {order[0] for order in orders}
     arcs = [pair for a, b in BEFORE for k in "123" if today.issuperset(pair := (f"{a}_{k}", f"{b}_{k}"))]
-    tables = {"features": rows, "trials": trials, "orders": orders, "before": arcs, "forecast": expected}
+    lessons = [("cobot", *lesson) for lesson in CATALOGUE.items()]
+    tables = {"features": rows, "trials": trials, "orders": orders, "before": arcs, "forecast": expected,
+              "robots": lessons}  # fmt: skip
     for name, table in tables.items():
         with (Path(folder) / f"{name}.csv").open("w", encoding="utf-8", newline="") as stream:
             csv.writer(stream, lineterminator="\n").writerows([HEADERS[name].split(","), *table])

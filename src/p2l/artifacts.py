@@ -15,6 +15,7 @@ import os
 import platform
 import re
 import tempfile
+import zipfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
@@ -260,6 +261,19 @@ def load_network(path: Path | str, *, schema: str) -> tuple[dict[str, torch.Tens
             return load(data), card
     _require(path)
     raise ArtifactError(f"{path}: weights do not match their card. Delete both and run `dvc repro`.")
+
+
+def is_artifact(path: Path) -> bool:
+    """Whether a file says that it was written by this module, whole or not; weights say so by their card."""
+    try:
+        if path.suffix == ".npz":
+            return f"{_META}.npy" in zipfile.ZipFile(path).namelist()
+        if path.suffix == ".parquet":
+            return _META.encode() in path.read_bytes()[-1_000_000:]
+        card = path if path.suffix == ".json" else path.with_suffix(path.suffix + ".json")
+        return {"schema", "version", "digest"} <= set(json.loads(card.read_text(encoding="utf-8")))
+    except (OSError, ValueError, TypeError, zipfile.BadZipFile):
+        return False
 
 
 def finite(value: float) -> float | None:

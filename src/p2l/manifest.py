@@ -7,10 +7,11 @@ manifest first.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import json
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
-from p2l.artifacts import digest_bytes, load_json, save_json
+from p2l.artifacts import digest_bytes, is_artifact, load_json, save_json
 from p2l.errors import ArtifactError
 
 FILE, SCHEMA, VERSION = "manifest.json", "manifest", 1
@@ -47,6 +48,62 @@ def check_place(folder: Path) -> None:
     except ArtifactError as error:
         told = str(error).partition("; ")[0].rstrip(".")
         raise ArtifactError(f"{told}. It would be overwritten; move it, or name another hydra.run.dir") from error
+
+
+def check_files(folder: Path, patterns: tuple[str, ...]) -> None:
+    """Refuse a folder that holds a file, at a place that a stage writes to, which no stage has written.
+
+    A CSV, PNG or film is a stage's as it stands in the manifest; arrays, tables and facts say themselves what they are,
+    and so does a configuration. Anything else is, where a stage's manifest, configuration or run lies beside it.
+
+    Args:
+        folder: of the stage.
+        patterns: of the paths in it that the stage writes.
+
+    Raises:
+        ArtifactError: there is such a file.
+    """
+    files = sorted({file for pattern in patterns for file in folder.glob(pattern) if file.is_file()})
+    if not files:
+        return
+    listed = load_json(folder / FILE, schema=SCHEMA, version=VERSION)["files"] if (folder / FILE).is_file() else None
+    has_traces = listed is not None or _says_run(folder / "run.json") or _says_config(folder / "config.yaml")
+    for file in files:
+        if not _is_ours(file, file.relative_to(folder).as_posix(), listed, has_traces=has_traces):
+            raise ArtifactError(
+                f"{file}: would be overwritten, and is not as a stage wrote it; move it, or name another hydra.run.dir"
+            )
+
+
+def _is_ours(file: Path, name: str, listed: Mapping[str, str] | None, *, has_traces: bool) -> bool:
+    if name == "run.json":
+        return _says_run(file)
+    if file.suffix == ".yaml" and _says_config(file):
+        return True
+    if listed is not None and name in listed:
+        return listed[name] == _digest(file)
+    if name == "config.yaml":
+        return False
+    return is_artifact(file) or (has_traces and (listed is None or file.suffix not in SUFFIXES))
+
+
+def _says_run(file: Path) -> bool:
+    """Whether it is the memory of a tracked run."""
+    try:
+        return {"run_id", "store", "config_hash"} <= set(json.loads(file.read_text(encoding="utf-8")))
+    except (OSError, ValueError, TypeError):
+        return False
+
+
+def _says_config(file: Path) -> bool:
+    """Whether it is the whole configuration of a stage, which every stage leaves, and no part that a person wrote."""
+    import yaml  # type: ignore[import-untyped]
+
+    try:
+        tracking = dict(yaml.safe_load(file.read_text(encoding="utf-8")))["tracking"]
+    except (OSError, ValueError, TypeError, KeyError, yaml.YAMLError):
+        return False
+    return isinstance(tracking, dict) and set(tracking) == {"enabled", "uri"}
 
 
 def read_checked(path: Path, advice: str) -> bytes:

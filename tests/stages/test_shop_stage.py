@@ -9,7 +9,8 @@ import pytest
 
 from examples.shop import make
 
-SHOP = {name: f"{make.__file__.rpartition('/')[0]}/{name}.csv" for name in ("features", "trials", "orders", "before")}
+SHOP_FOLDER = Path(make.__file__).parent
+SHOP = {name: SHOP_FOLDER / f"{name}.csv" for name in ("features", "trials", "orders", "before", "robots")}
 ORDERS = """Task;C_rob;C_hum;C_fail;C_demo;Count;Decision;Bay
 gear;10;100;100;120;1;;A
 cog;10;100;100;130;1;delegate;B
@@ -26,6 +27,7 @@ FILES = {
     "few": "task,c_rob,c_hum,c_fail,c_demo\ngear,10,100,100,120\nlid,10,100,100,200\n",
     "square": "task,gear,lid\ngear,1,0.9\nlid,0,1\n",
     "must": "task,c_rob,c_hum,c_fail,c_demo,decision\ngear,10,100,100,120,learn\nlid,10,100,100,200,learn\n",
+    "misspelt": FEATURES.replace("\nlid", "\nlidd"),
     "circle": "before,after\nlid,nut\nnut,lid\n",
 }  # fmt: skip
 OWN = ("tasks=orders.csv", "transfer=transfer.csv")
@@ -94,6 +96,18 @@ def test_a_day_with_everything_is_planned_and_checked(stage, tmp_path):
     code, told = stage("check_plan", *OWN, *ALL, "plan=out", out="checked")
     assert code == 0, told.err
     assert "8 tasks, order partial; costs 331.5; no plan costs less than 331.5: optimal" in told.out
+    assert "plan.html shows this cost and this day" in told.out
+    assert "numbers solved for again, all are the same." in told.out
+    for name, old, new in (
+        ("reasons.csv", "gear,Panda,yes,120,", "gear,Panda,yes,12,"),
+        ("plan.html", "331.5", "33.5"),
+    ):
+        text = (tmp_path / "out" / name).read_text(encoding="utf-8")
+        assert old in text
+        (tmp_path / "out" / name).write_text(text.replace(old, new, 1), encoding="utf-8")
+        code, told = stage("check_plan", *OWN, *ALL, "plan=out", out="checked")
+        assert (code, "Traceback" in told.err, name in told.err, told.out) == (2, False, True, "")
+        (tmp_path / "out" / name).write_text(text, encoding="utf-8")
     for old, new in ((";5;;C", ";4;;C"), ("cog;10;100", "cog;10;101"), (";120;", ";119;"), ("nut", "bolt")):
         (tmp_path / "orders.csv").write_text(ORDERS.replace(old, new))
         code, told = stage("check_plan", *OWN, *ALL, "plan=out", out="checked")
@@ -122,9 +136,27 @@ def test_pairs_that_nobody_tried_are_predicted(stage, tmp_path):
         ((*OWN, "fill=0", "planner=gut_feeling"), ("gut_feeling", "auto")),
         (OWN, ("transfer.csv", "has no value for", "fill=0", "features=")),
         ((*OWN, "fill=2"), ("fill",)),
+        ((*OWN, "fill=0,05"), ("stage plan: fill=0,05: a comma makes a list here; write fill=0.05\n",)),
+        ((*OWN, "fill=,5"), ("write fill=0.5",)),
+        ((*OWN, "fill=5,0%"), ("write fill=0.05",)),
+        ((*OWN, "fill=0", "max_lessons=1.5"), ("max_lessons", "1.5", "integer")),
+        (
+            (*OWN, "features=misspelt.csv"),
+            ("misspelt.csv, column 'task': has no row for 'lid'", "is it 'lidd'?"),
+        ),
         ((*OWN, "fill=0", "max_lessons=-1"), ("max_lessons",)),
-        (("tasks=must.csv", "transfer=square.csv", "max_lessons=1"), ("no plan keeps the limits and the decisions",)),
-        (("tasks=must.csv", "transfer=square.csv", "max_teaching=300"), ("no plan keeps the limits",)),
+        (
+            ("tasks=must.csv", "transfer=square.csv", "max_lessons=1"),
+            (
+                "no plan keeps the limits and the decisions",
+                "2 tasks are to be taught",
+                "max_lessons is 1",
+            ),
+        ),
+        (
+            ("tasks=must.csv", "transfer=square.csv", "max_teaching=300"),
+            ("the lessons to be given take 320 at least, and max_teaching is 300",),
+        ),
         ((*OWN, "fill=0", "before=circle.csv"), ("circle", "lid", "nut")),
         ((*OWN, "fill=0", "robots=features.csv"), ("features.csv", "column 'robot'")),
         ((*OWN, "features=features.csv", "trials=transfer.csv"), ("transfer.csv", "expected taught,tested,successes")),
@@ -158,13 +190,16 @@ def test_the_example_s_shop_from_trials_to_a_plan_that_is_checked(stage, tmp_pat
         "predict_transfer", *(f"{name}={SHOP[name]}" for name in ("features", "trials")), "out=table.csv", out="table"
     )
     assert code == 0, told.err
-    words = (f"tasks={SHOP['orders']}", "transfer=table.csv", f"before={SHOP['before']}")
+    words = (f"tasks={SHOP['orders']}", "transfer=table.csv", f"before={SHOP['before']}", f"robots={SHOP['robots']}")
     code, told = stage("plan", *words)
     assert code == 0, told.err
-    assert "proven optimal" in told.out
+    headline = next(line for line in told.out.splitlines() if line.startswith("Expected cost"))
+    assert headline in (SHOP_FOLDER.parents[1] / "docs/your-tasks.md").read_text(encoding="utf-8")
+    given = {row["lesson"] for row in rows_of(tmp_path / "out/reasons.csv") if row["given"] == "yes"}
+    assert given & set(make.CATALOGUE)  # a lesson that is on no order of today
     tasks = [row["task"] for row in rows_of(tmp_path / "out/plan.csv")]
-    for row in rows_of(Path(SHOP["before"])):
-        assert row["before"] not in tasks or tasks.index(row["before"]) < tasks.index(row["after"])
+    for row in rows_of(SHOP["before"]):
+        assert tasks.index(row["before"]) < tasks.index(row["after"])
     code, told = stage("check_plan", *words, "plan=out", out="checked")
     assert code == 0, told.err
     assert "order partial" in told.out

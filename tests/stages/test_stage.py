@@ -6,19 +6,22 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
+from pathlib import Path, PurePath
 
 import pytest
 from hydra import compose, initialize_config_dir
 from hydra.core.override_parser.overrides_parser import OverridesParser
 from mlflow import MlflowClient
 
+from p2l.schema import SCHEMAS, paths_of
 from stages import collect
+from stages._place import WRITES
 from stages._stage import _arguments
 from tests import waiting
 
 ROOT = Path(__file__).resolve().parents[2]
 STAGES = sorted(path.stem for path in (ROOT / "stages").glob("[a-z]*.py"))
+PATHS = frozenset({"hydra.run.dir"}).union(*map(paths_of, SCHEMAS.values()))
 SMALL = ("domain=lego", "experiment=smoke")
 
 
@@ -108,13 +111,13 @@ def test_a_refused_rerun_leaves_the_earlier_run_as_it_was(tmp_path, monkeypatch)
 @pytest.mark.parametrize("key", ["tasks", "transfer", "failures", "held_out", "learnt", "plan", "hydra.run.dir"])
 def test_a_path_on_the_command_line_may_hold_what_hydra_reads_otherwise(monkeypatch, key, given, meant):
     monkeypatch.setenv("HOME", "/people/of a town")
-    word = _arguments([f"{key}={given}"])[0]
+    word = _arguments([f"{key}={given}"], PATHS)[0]
     assert OverridesParser.create().parse_override(word).value() == meant
 
 
 def test_only_paths_of_a_single_run_are_quoted():
-    assert _arguments(["-m", "tasks=a.csv,b.csv"])[1] == "tasks=a.csv,b.csv"
-    assert _arguments(["study.levels=[0, 1]"])[0] == "study.levels=[0, 1]"
+    assert _arguments(["-m", "tasks=a.csv,b.csv"], PATHS)[1] == "tasks=a.csv,b.csv"
+    assert _arguments(["study.levels=[0, 1]"], PATHS)[0] == "study.levels=[0, 1]"
 
 
 def test_a_bug_keeps_its_traceback_and_is_not_taken_for_bad_input(tmp_path):
@@ -130,7 +133,7 @@ def test_a_bug_keeps_its_traceback_and_is_not_taken_for_bad_input(tmp_path):
         "tracking=disabled",
         f"hydra.run.dir={tmp_path / 'o'}",
     ]
-    known = {**os.environ, "PYTHONPATH": str(ROOT)}
+    known = {**os.environ, "PYTHONPATH": f"{ROOT}{os.pathsep}{ROOT / 'src'}"}
     done = waiting.run(command, cwd=tmp_path, env=known)
     assert done.returncode == 1
     assert "RuntimeError: bug" in done.stderr
@@ -333,25 +336,87 @@ def test_tasks_may_come_through_a_pipe(tmp_path):
     assert "proven optimal" in done.stdout
 
 
+def here(stage, folder, monkeypatch, capsys, *words):
+    """Run a stage of this process that writes to `folder`; its exit code and what it said on standard error."""
+    monkeypatch.setenv("HYDRA_FULL_ERROR", "1")
+    monkeypatch.setattr(sys, "argv", [stage, *words, "tracking=disabled", f"hydra.run.dir={folder}"])
+    capsys.readouterr()
+    with pytest.raises(SystemExit) as left:
+        importlib.import_module(f"stages.{stage}").run()
+    return left.value.code, capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
-    ("tasks", "words"),
-    [("plan.csv", "is an input, and the plan would overwrite it"), ("orders.csv", "no plan of ours")],
+    ("stage", "words", "mine"),
+    [
+        ("plan", (), ("config.yaml", "plan.csv", "reasons.csv", "plan.html", "plan.json", "certificate.npz")),
+        ("collect", SMALL, ("config.yaml", "run.json", "transfer_data.npz", "strategy.png", "summary.json")),
+        ("discover", ("world=pick_place",), ("config.yaml", "failures_train.npz", "summary.json")),
+        ("predict_transfer", ("features=features.csv",), ("config.yaml", "transfer.csv", "next_trials.csv")),
+        ("report", (), ("config.yaml", "index.html", "tables/costs.csv")),
+        ("config", (), ("config.yaml", "photos/me.png", "photos/old/me.yaml")),
+    ],
 )
-def test_a_persons_own_file_is_not_overwritten(tmp_path, tasks, words):
-    """`tasks=own/plan.csv hydra.run.dir=own` replaced the tasks by the plan."""
-    own = tmp_path / "own"
-    own.mkdir()
-    (own / "plan.csv").write_text(ORDERS)
-    (own / "orders.csv").write_text(ORDERS)
-    (own / "transfer.csv").write_text(TRANSFER)
-    line = (
-        f"$PYTHON -m stages.plan tasks=own/{tasks} transfer=own/transfer.csv tracking.enabled=false hydra.run.dir=own"
+def test_a_persons_own_file_is_not_overwritten(stage, words, mine, tmp_path, monkeypatch, capsys):
+    """Every stage wrote its config.yaml over a person's, and `stages.config hydra.run.dir=.` deleted their folders."""
+    (tmp_path / "orders.csv").write_text(ORDERS)  # what no stage writes is in nobody's way
+    (tmp_path / "lessons.csv").write_text(TRANSFER)
+    files = (f"tasks={tmp_path / 'orders.csv'}", f"transfer={tmp_path / 'lessons.csv'}") if stage == "plan" else words
+    for name in mine:
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text("seed: 1\n")
+        before = {path: path.is_dir() or path.read_bytes() for path in tmp_path.rglob("*")}
+        code, told = here(stage, tmp_path, monkeypatch, capsys, *files)
+        assert code == 2, told
+        assert f"{tmp_path / name}: would be overwritten, and is not as a stage wrote it" in told
+        assert {path: path.is_dir() or path.read_bytes() for path in tmp_path.rglob("*")} == before
+        (tmp_path / name).unlink()
+
+
+def test_a_stage_writes_over_its_own_files_unless_somebody_has_edited_them(tmp_path, monkeypatch, capsys):
+    """Finished or stopped, the next run goes on in its folder."""
+    (tmp_path / "orders.csv").write_text(ORDERS)
+    (tmp_path / "lessons.csv").write_text(TRANSFER)
+    words = (f"tasks={tmp_path / 'orders.csv'}", f"transfer={tmp_path / 'lessons.csv'}")
+    out = tmp_path / "out"
+    with monkeypatch.context() as broken:
+        broken.setattr("stages._shop.write_shop_plan", lambda *_, **__: 1 / 0)
+        assert here("plan", out, monkeypatch, capsys, *words)[0] == 1
+    assert {file.name for file in out.iterdir()} == {"plan.png", "plan.html", ".unfinished.json"}
+    for _ in range(2):
+        code, told = here("plan", out, monkeypatch, capsys, *words)
+        assert code == 0, told
+        assert not (out / ".unfinished.json").exists()
+    code, told = here("plan", out, monkeypatch, capsys, f"tasks={out / 'plan.csv'}", words[1])
+    assert (code, "plan.csv: is an input, and the plan would overwrite it" in told) == (2, True)
+    assert not (out / ".unfinished.json").exists()
+    (out / "plan.csv").write_text("my notes\n")
+    code, told = here("plan", out, monkeypatch, capsys, *words)
+    assert (code, "plan.csv: would be overwritten" in told) == (2, True)
+    assert (out / "plan.csv").read_text() == "my notes\n"
+
+
+def test_every_output_in_the_pipeline_is_guarded():
+    """Each path that dvc.yaml tracks is one that its stage is known to write."""
+    tracked = [line.strip(" -\n") for line in (ROOT / "dvc.yaml").read_text().splitlines() if "- data/" in line]
+    for path in {each.partition(" ")[0].rstrip(":") for each in tracked}:
+        _, stage, *rest = path.split("/")
+        name = "/".join(rest if stage == "report" else rest[1:])
+        if name in ("", "manifest.json") or stage in ("config", "thesis"):
+            continue
+        assert any(PurePath(name).match(each) or each.startswith(f"{name}/") for each in WRITES[stage]), path
+    assert sorted(WRITES) == STAGES
+
+
+def test_ctrl_c_while_a_stage_is_imported_is_one_line(tmp_path):
+    """It was Python's traceback of an import."""
+    (tmp_path / "sitecustomize.py").write_text(
+        "import os, signal, sys\n\n\nclass Impatient:\n    def find_spec(self, name, *_):\n"
+        "        if name == 'hydra':\n            os.kill(os.getpid(), signal.SIGINT)\n\n\n"
+        "sys.meta_path.insert(0, Impatient())\n"
     )
-    done = shell(line, tmp_path)
-    assert done.returncode == 2
-    assert words in done.stderr
-    assert {file.name for file in own.iterdir()} == {"plan.csv", "orders.csv", "transfer.csv"}
-    assert (own / "plan.csv").read_text() == ORDERS
+    done = run("plan", "--help", PYTHONPATH=str(tmp_path))
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "stopped by Ctrl-C before anything was begun\n")
 
 
 @pytest.mark.parametrize("place", ["/proc/nowhere", "taken"])

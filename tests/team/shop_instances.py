@@ -1,4 +1,4 @@
-"""Made-up shops: small ones for the oracle, large ones for the searches."""
+"""Made-up shops, small enough for the oracle."""
 
 import numpy as np
 
@@ -39,37 +39,4 @@ def small_shop(rng, order):
         before=np.array(arcs, dtype=np.int64).reshape(-1, 2) if order == "partial" else None,
         max_lessons=float(rng.integers(0, 3)) if rng.random() < 0.4 else np.inf,
         max_teaching=float(rng.integers(0, 150)) if rng.random() < 0.4 else np.inf,
-    )
-
-
-def large_shop(n, robots=1, *, seed=0, counts=True, arcs=0, order="fixed", max_lessons=np.inf, max_teaching=np.inf):
-    """Tasks in a square of features; a lesson carries over to what is near."""
-    rng = np.random.default_rng(seed)
-    place = rng.random((n, 4))
-    distance = np.linalg.norm(place[:, None] - place[None], axis=-1)
-    before = None
-    if arcs:
-        first = rng.permutation(n)
-        pairs: set[tuple[int, int]] = set()
-        while len(pairs) < arcs:
-            one, other = sorted(rng.choice(n, 2, replace=False).tolist())
-            pairs.add((int(first[one]), int(first[other])))
-        before, order = np.array(sorted(pairs)), "partial"
-    return Shop(
-        tasks=tuple(f"task {i}" for i in range(n)),
-        robots=tuple(f"robot {i}" for i in range(robots)),
-        lessons=tuple(f"task {i}" for i in range(n)),
-        completes=np.arange(n),
-        count=np.where(rng.random(n) < 0.3, rng.integers(2, 6, n), 1) if counts else np.ones(n, dtype=np.int64),
-        c_hum=rng.uniform(80, 120, n).round(1),
-        c_rob=rng.uniform(8, 15, (robots, n)).round(1),
-        c_fail=rng.uniform(80, 120, (robots, n)).round(1),
-        pretrained=np.zeros((robots, n)),
-        c_demo=rng.uniform(150, 250, (robots, n)).round(1),
-        transfer=np.exp(-3 * distance)[None] * rng.uniform(0.8, 1, (robots, 1, 1)),
-        choice=np.full(n, -1),
-        order=order,
-        before=before,
-        max_lessons=max_lessons,
-        max_teaching=max_teaching,
     )

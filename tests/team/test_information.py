@@ -2,11 +2,14 @@
 
 import itertools
 import math
+import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose
 
 from p2l.team.information import Stake, TrialValue, cost_of, outlook, screened, trial_values, value_of_trial
 from p2l.team.planners import plan
@@ -20,7 +23,7 @@ def stake_of(rng, n, order="fixed", copies=False, belief=None):
     """A small day with random costs, and a belief about n tasks."""
     costs = {name: rng.uniform(*span, n) for name, span in COSTS.items()}
     problem = Problem(
-        tuple("abcdef"[:n]), **costs, pretrained=rng.uniform(0.0, 0.4, n), transfer=np.eye(n), order=order
+        tuple("abcdef"[:n]), **costs, pretrained=rng.uniform(0.0, 0.4, n), transfer=np.ones((n, n)), order=order
     )
     place = rng.integers(0, n - 1, n) if copies else rng.permutation(n)
     return Stake(problem, place, belief or BetaBelief(*rng.uniform(0.3, 3.0, (2, n * n))), n)
@@ -122,7 +125,7 @@ def test_a_trial_that_cannot_change_the_plan_is_worth_exactly_nothing():
 def test_a_trial_of_one_pair_can_be_worth_something_through_another():
     """The pair that is tried plays no part in the day; the one that it resembles decides whether a lesson pays."""
     three = np.ones(3)
-    problem = Problem(("a", "b", "c"), 1 * three, 10 * three, 20 * three, 12 * three, 0 * three, np.eye(3))
+    problem = Problem(("a", "b", "c"), 1 * three, 10 * three, 20 * three, 12 * three, 0 * three, np.ones((3, 3)))
     logit, covariance = np.full(9, -6.0), 1e-6 * np.eye(9)
     logit[[1, 2, 5]] = 1.0, 1.0, -6.0
     alike = np.ix_([1, 2, 6], [1, 2, 6])  # a on b, a on c; and c on a, which comes too late to be of use
@@ -144,6 +147,22 @@ def test_today_s_plan_keeps_its_lessons_and_skills():
     acts = (today.decision == 0) & (today.skill >= 0)
     expected = today.objective + (stake.today.c_fail * today.p_success)[acts].sum()
     assert cost_of(hopeless, today) == pytest.approx(expected)
+
+
+def test_a_task_that_cannot_be_taught_and_a_lesson_that_may_not_have_taught_are_no_matter_of_chance():
+    """Infinite costs leave no warning (infinity less infinity), and a factor of p is in every step of the valuing."""
+    rng = np.random.default_rng(2)
+    stake = stake_of(rng, 5)
+    c_demo = np.where(np.arange(5) == 1, np.inf, stake.problem.c_demo)
+    learnt = np.repeat(np.array([0.9, 1.0, 0.5, 1.0, 0.8])[:, None], 5, axis=1)
+    stake = replace(stake, problem=replace(stake.problem, c_demo=c_demo, transfer=learnt))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        day = outlook(stake, EVERYTHING)
+    mean = stake.belief.successes / (stake.belief.successes + stake.belief.failures)
+    assert_allclose(stake.today.transfer, learnt * mean[stake.index])
+    assert day.plan.objective == pytest.approx(cheapest(stake.problem, learnt * mean[stake.index]))
+    assert day.values
 
 
 def test_the_best_number_of_attempts_saves_most_each():

@@ -1,16 +1,19 @@
 import csv
+import subprocess
+import sys
 import time
 from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from p2l.errors import ConfigError, InputError, ShapeError
 from p2l.team import solve_facility_location
-from p2l.team.certificate import check_facility_location
-from p2l.team.facility import location, read_instance
+from p2l.team.certificate import check_facility_location, proven_location_bound
+from p2l.team.facility import location, of_table, read_instance
+from p2l.team.facility.program import solve_in_cases
 from tests.team.team_instances import cheapest_by_hand, dense, facility_cost, tables
 
 UFL = Path(__file__).parents[2] / "data" / "ufl"
@@ -59,6 +62,34 @@ def test_instances_with_a_large_gap_need_the_tree_and_are_still_exact(seed, inte
     assert solution.status == "optimal"
     assert solution.cost == pytest.approx(cheapest_by_hand(opening, service))
     assert check_facility_location(opening, service, solution).optimal
+
+
+@settings(max_examples=100)
+@given(tables(), st.booleans())
+def test_branching_on_the_relaxation_is_exact_and_proven(table, tight):
+    """Or says that its cases did not suffice."""
+    opening, service = table
+    pairs = of_table(opening, service)
+    assume(len(pairs.cost))
+    found = solve_in_cases(pairs, deadline=time.perf_counter() + 30.0, gap=0.0, most=1 if tight else 1_000)
+    if found is None:
+        assert tight
+        return
+    optimum = cheapest_by_hand(opening, service)
+    assert found.cost == pytest.approx(optimum, rel=1e-9)
+    assert proven_location_bound(opening, service, found.certificate, found.cost) == pytest.approx(optimum, rel=1e-9)
+
+
+def test_tiny_instances_are_branched_on_without_kernels():
+    """Two of three: every relaxation opens halves. The kernels took half a second to load."""
+    code = (
+        "import sys, numpy as np; from p2l import solve_facility_location\n"
+        "service = np.where(np.eye(3, dtype=bool), 9.0, 1.0)\n"
+        "solution = solve_facility_location(np.full(3, 4.0), service)\n"
+        "print(solution.status, solution.cost, len(solution.certificate.row) > 1, 'numba' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["optimal", "11.0", "True", "False"]
 
 
 def test_a_timed_out_search_says_so_and_its_bound_is_true():

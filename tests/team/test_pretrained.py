@@ -9,11 +9,12 @@ from numpy.testing import assert_array_equal
 
 from p2l.domains.table import make_domain
 from p2l.errors import ConfigError
-from p2l.ledger import Item, write
+from p2l.ledger import Item, find, write
 from p2l.records import TransferData
 from p2l.schema import SCHEMAS, validate
 from p2l.seeding import generator
 from p2l.team.execute import measure_truth, predicted_plans, recorded_truth, study_plans
+from p2l.team.items import recorded
 from p2l.team.pretrained import learn_block, measure_pretrained, measurement, recorded_pretrained, recorded_skills
 from p2l.team.study import Regime, Study, make_block
 
@@ -178,3 +179,15 @@ def test_neither_encoding_nor_measuring_decides_the_truth():
     assert plan_config(study=predicted).identity == plain.identity
     with pytest.raises(ConfigError, match="pretrained_draws"):
         plan_config(study={**predicted, "pretrained_draws": -1})
+
+
+def test_what_has_a_record_is_not_made_again(tmp_path):
+    item, made = Item("lego", "truth", 0, 0, "one"), []
+
+    def make():
+        made.append(0)
+        return {"value": len(made)}
+
+    assert [recorded(tmp_path, item, make) for _ in range(3)] == [{"value": 1}] * 3
+    assert len(made) == 1
+    assert find(tmp_path, item) == {"value": 1}

@@ -7,14 +7,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
-from shop_instances import large_shop, small_shop
+from shop_instances import small_shop
 
+from benchmarks.instances import large_shop
 from p2l.errors import ConfigError, ShapeError, SolverError
 from p2l.team import Problem, plan
 from p2l.team.problem import Decision
 from p2l.team.shop import Ruling, Shop, ShopCertificate, check_shop_plan, plan_shop, shop_outcome
 from p2l.team.shop.oracle import every_plan
 from p2l.team.shop.reasons import reasons_of
+from p2l.team.shop.reduction import reduce_shop
 
 
 def same_as_every_plan(shop):
@@ -170,6 +172,47 @@ def test_what_cannot_be_kept_is_said():
         replace(shop, order="partial", before=np.array([[0, 1], [1, 0]]))
 
 
+def test_the_limit_that_cannot_be_kept_is_named():
+    """Tasks 1 and 2 have no way but a lesson on themselves, each of 200; task 0 does not matter."""
+    shop = replace(large_shop(3, counts=False), transfer=np.zeros((1, 3, 3)), c_demo=np.full((1, 3), 200.0))
+    never = np.array([[10.0, np.inf, np.inf]])
+    shop = replace(shop, c_hum=np.array([90.0, np.inf, np.inf]), c_rob=never)
+    assert plan_shop(replace(shop, max_lessons=2.0, max_teaching=400.0)).status == "optimal"
+    for lessons, teaching, fault in (
+        (1.0, np.inf, "cannot be done within max_lessons=1;"),
+        (1.0, 1000.0, "cannot be done within max_lessons=1;"),
+        (2.0, 399.0, "cannot be done within max_teaching=399;"),
+        (1.0, 399.0, "cannot be done within max_lessons=1 and max_teaching=399;"),
+    ):
+        with pytest.raises(ConfigError, match=fault):
+            plan_shop(replace(shop, max_lessons=lessons, max_teaching=teaching))
+    must = np.array([Ruling.FREE, Ruling.LEARN, Ruling.LEARN])
+    with pytest.raises(ConfigError, match=r"2 tasks are to be taught .*, and max_lessons is 1;"):
+        plan_shop(replace(shop, choice=must, max_lessons=1.0))
+    with pytest.raises(ConfigError, match="the lessons to be given take 400 at least, and max_teaching is 399;"):
+        plan_shop(replace(shop, choice=must, max_teaching=399.0))
+    with pytest.raises(ConfigError, match="some task has no way"):
+        plan_shop(replace(shop, choice=np.array([Ruling.FREE, Ruling.ACT, Ruling.FREE])))
+
+
+def test_limits_that_only_together_cannot_be_kept_are_both_named():
+    """One lesson (500) does for both tasks, and so do two (100 each): at most one lesson of at most 300 does not."""
+    shop = replace(
+        large_shop(2, counts=False), lessons=("all", "one", "other"), completes=np.array([-1, 0, 1]),
+        c_demo=np.array([[500.0, 100.0, 100.0]]), c_hum=np.full(2, np.inf), c_fail=np.full((1, 2), np.inf),
+        transfer=np.array([[[1.0, 1.0], [0.0, 0.0], [0.0, 0.0]]]),
+    )  # fmt: skip
+    assert plan_shop(replace(shop, max_lessons=1.0)).objective > 500.0
+    assert plan_shop(replace(shop, max_teaching=300.0)).objective == 200.0
+    with pytest.raises(ConfigError, match="within both max_lessons=1 and max_teaching=300;"):
+        plan_shop(replace(shop, max_lessons=1.0, max_teaching=300.0))
+
+
+def test_half_a_lesson_is_no_limit():
+    with pytest.raises(ShapeError, match=r"max_lessons: 1.5 given; expected a whole number"):
+        large_shop(3, max_lessons=1.5)
+
+
 @pytest.mark.parametrize("seed", range(6))
 def test_reasons_hold_on_either_side_of_the_break_even(seed):
     shop = large_shop(14, seed=seed)
@@ -200,3 +243,72 @@ def test_without_lessons_nothing_is_saved():
     reasons = reasons_of(dear, plan_shop(dear))
     assert reasons.lessons == ()
     assert reasons.alone == pytest.approx(np.minimum(shop.c_hum, shop.c_rob[0] + shop.c_fail[0]).sum())
+
+
+NO_TIME = 1e-6
+
+
+def test_an_instance_is_not_made_beyond_its_deadline():
+    with pytest.raises(TimeoutError):
+        reduce_shop(large_shop(50, 2), deadline=0.0)
+
+
+@pytest.mark.parametrize("order", ["fixed", "any", "partial"])
+@given(seed=st.integers(0, 2**32 - 1))
+@settings(max_examples=20, deadline=None)
+def test_without_time_plans_are_valid_and_bounds_true(order, seed):
+    shop = small_shop(np.random.default_rng(seed), order)
+    try:
+        day = plan_shop(shop, time_limit_s=NO_TIME)
+    except SolverError:
+        return
+    assert day.lower_bound <= every_plan(shop)[0] * (1 + 1e-9)
+    assert check_shop_plan(shop, day).cost == pytest.approx(day.objective)
+
+
+def test_without_time_a_large_shop_has_lessons_that_pay():
+    shop = large_shop(400, 2, max_lessons=5.0)
+    day = plan_shop(shop, time_limit_s=NO_TIME)
+    alone = plan_shop(replace(shop, max_lessons=0.0)).objective
+    assert day.status == "time_limit"
+    assert 0 < len(day.taught) <= 5
+    assert 0.0 < check_shop_plan(shop, day).bound <= day.objective < alone
+
+
+def test_without_time_what_has_to_be_taught_is():
+    """Nobody can do task 3 untaught, task 5 is to be taught, and the second robot cannot be."""
+    shop = large_shop(30, 2, counts=False)
+    c_hum, c_rob, c_demo = np.array(shop.c_hum), np.array(shop.c_rob), np.array(shop.c_demo)
+    c_hum[3] = c_rob[:, 3] = c_demo[1] = np.inf
+    choice = np.where(np.arange(30) == 5, Ruling.LEARN, Ruling.FREE)
+    shop = replace(shop, c_hum=c_hum, c_rob=c_rob, c_demo=c_demo, choice=choice)
+    day = plan_shop(shop, time_limit_s=NO_TIME)
+    assert {3, 5} <= set(day.taught[:, 0].tolist())
+    assert set(day.taught[:, 1].tolist()) == {0}
+    check_shop_plan(shop, day)
+    with pytest.raises(SolverError, match="no plan was found in time"):
+        plan_shop(replace(shop, max_lessons=1.0), time_limit_s=NO_TIME)
+
+
+@pytest.mark.parametrize("limit", [{"max_lessons": 2.0}, {"max_teaching": 500.0}])
+def test_doctored_prices_of_a_limit_are_refused(limit):
+    """Zeroed, they prove too little; raised, too little as well; negative ones are no prices at all."""
+    shop = large_shop(60, seed=2, **limit)
+    day = plan_shop(shop)
+    (leaf,) = day.certificate.leaf
+    assert leaf.prices.any()
+    assert check_shop_plan(shop, day).optimal
+
+    def doctored(prices):
+        proof = replace(day.certificate, leaf=(replace(leaf, prices=prices),))
+        check_shop_plan(shop, replace(day, certificate=proof))
+
+    for change in (0.0, 0.5, 2.0, 10.0):
+        with pytest.raises(SolverError, match="certificate: lower_bound is"):
+            doctored(change * leaf.prices)
+    with pytest.raises(ShapeError, match="prices"):
+        doctored(-leaf.prices)
+    with pytest.raises(SolverError, match="certificate: has prices of 2 limits; there are 1"):
+        doctored(np.repeat(leaf.prices, 2, axis=1))
+    with pytest.raises(SolverError, match="certificate"):  # they price a limit that there is not
+        check_shop_plan(replace(shop, max_lessons=np.inf, max_teaching=np.inf), day)

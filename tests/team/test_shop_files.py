@@ -6,14 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from shop_instances import large_shop, small_shop
+from shop_instances import small_shop
 
+from benchmarks.instances import large_shop
 from p2l.artifacts import load_arrays, save_arrays
 from p2l.errors import ArtifactError, ConfigError, InputError, SolverError
 from p2l.team.shop import Ruling, Shop, check_shop_plan, plan_shop
 from p2l.team.shop.explain import break_even_rows, explain_shop, reason_rows
 from p2l.team.shop.files import check_shop_place, columns_of, read_shop_plan, settings_of, write_shop_plan
 from p2l.team.shop.reasons import Reasons, reasons_of
+from p2l.team.shop.reasons_check import check_reasons
 
 NO_REASONS = Reasons(np.nan, (), (), 0)
 REFUSED = (ArtifactError, InputError, SolverError)
@@ -253,16 +255,12 @@ def test_a_plan_of_another_day_is_refused(tmp_path):
             read(tmp_path, other)
 
 
-def test_nothing_of_a_person_s_is_overwritten(tmp_path):
+def test_what_a_plan_is_made_from_is_not_overwritten(tmp_path):
+    """Not even where it is a plan of ours; what is not is the stage's to refuse."""
     shop, inputs = day(), tmp_path / "plan.csv"
     inputs.write_text("task,c_rob\n")
     with pytest.raises(ArtifactError, match="is a file"):
         check_shop_place(inputs)
-    with pytest.raises(ArtifactError, match=r"plan\.csv: is there already, and no plan of ours"):
-        check_shop_place(tmp_path)
-    inputs.write_text("order,task,skill\n1,a,b\n")
-    with pytest.raises(ArtifactError, match="no plan of ours"):
-        check_shop_place(tmp_path)
     inputs.unlink()
     for name in ("plan.json", "plan.html", "plan.png", "reasons.csv", "certificate.npz"):
         (tmp_path / name).write_text("mine")
@@ -333,9 +331,66 @@ def test_a_lesson_without_which_nothing_goes_is_needed_and_no_time_is_said():
     assert "no time to solve again for 3 lessons" in hurried
 
 
-@pytest.mark.parametrize("name", ["reasons.csv", "plan.html", "plan.json", "certificate.npz"])
-def test_a_file_of_ours_by_name_alone_is_not_overwritten(tmp_path, name):
-    """A person's own reasons.csv was gone after a plan was written beside it."""
-    (tmp_path / name).write_text("mine")
-    with pytest.raises(ArtifactError, match="without a plan of ours beside it; name another folder"):
-        check_shop_place(tmp_path)
+def with_reasons(folder, shop, time_limit_s=10.0):
+    made = plan_shop(shop)
+    write_shop_plan(folder, shop, made, reasons_of(shop, made, time_limit_s=time_limit_s))
+    return made
+
+
+@pytest.mark.parametrize("kind", SHOPS)
+def test_reasons_that_are_solved_for_again_are_the_same(tmp_path, kind):
+    shop = SHOPS[kind]()
+    made = with_reasons(tmp_path, shop)
+    rows = rows_of(tmp_path / "reasons.csv")
+    assert rows
+    numbers = sum(
+        bool(row[name]) for row in rows for name in ("c_demo", "saving", "saving_others_fixed", "given_below")
+    )
+    assert check_reasons(tmp_path, shop, made, time_limit_s=10.0) == (1 + numbers, 0)
+    (tmp_path / "reasons.csv").unlink()
+    assert check_reasons(tmp_path, shop, made, time_limit_s=10.0) is None
+
+
+@pytest.mark.parametrize(
+    ("line", "column", "value"),
+    [
+        (0, "saving", "0"), (0, "saving", "lots"), (0, "saving_others_fixed", "1e3"), (0, "c_demo", "1"),
+        (0, "given_below", "1"), (0, "serves", "cog"), (0, "lesson", "bolt"), (0, "given", "no"), (0, "robot", "Eve"),
+        (1, "given_below", "99.9"), (1, "given_below", "nan"), (1, "c_demo", ""), (1, "lesson", "gear"),
+    ],
+)  # fmt: skip
+def test_a_change_of_the_reasons_is_refused(tmp_path, line, column, value):
+    """The gear is taught (120) for the lids, which saves 700 - 420; the cog would be below 120."""
+    shop = day()
+    made = with_reasons(tmp_path, shop)
+    path = tmp_path / "reasons.csv"
+    rows = rows_of(path)
+    assert [(row["lesson"], row["given"]) for row in rows[:2]] == [("gear", "yes"), ("cog", "no")]
+    if (line, column) == (1, "c_demo"):
+        rows.pop(line)  # a row that is missing
+    else:
+        rows[line][column] = value
+    with path.open("w", newline="") as stream:
+        writer = csv.DictWriter(stream, rows[0])
+        writer.writeheader()
+        writer.writerows(rows)
+    with pytest.raises(REFUSED, match=r"reasons.csv"):
+        check_reasons(tmp_path, shop, made, time_limit_s=10.0)
+
+
+def test_the_cost_without_lessons_is_checked_and_what_nobody_had_time_for_is_counted(tmp_path):
+    shop = day()
+    made = with_reasons(tmp_path, shop)
+    path = tmp_path / "plan.json"
+    summary = json.loads(path.read_text())
+    assert (summary["without_lessons"], summary["unknown_reasons"]) == (700.0, 0)
+    for told in (699.0, None, "many"):
+        path.write_text(json.dumps(summary | {"without_lessons": told}))
+        with pytest.raises(InputError, match="its 'without_lessons' is"):
+            check_reasons(tmp_path, shop, made, time_limit_s=10.0)
+    with_reasons(tmp_path, shop, time_limit_s=1e-9)
+    checked = check_reasons(tmp_path, shop, made, time_limit_s=10.0)
+    assert checked.unknown > 0
+    assert json.loads(path.read_text())["unknown_reasons"] > 0
+    with_reasons(tmp_path, shop)
+    assert check_reasons(tmp_path, shop, made, time_limit_s=1e-9).unknown > 0

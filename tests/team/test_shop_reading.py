@@ -387,7 +387,7 @@ WRONG = [
         {"transfer": SQUARE.replace(",lid", ",L id").replace("L id", "LID")},
         "row 1, column 'LID': 'LID' is 'lid' in the",
     ),
-    ({"transfer": SQUARE.replace("\nlid", "\nlids"), "fill": None}, "'lid' taught and 'cup' tested; is it 'lids'?"),
+    ({"transfer": SQUARE.replace("\nlid", "\nlids"), "fill": None}, "'lids' is no task of the orders; is it 'lid'?"),
     ({"transfer": "a,b\nc,1\n"}, "transfer.csv, row 1: no column is for a task of orders.csv; give one for each, or"),
     ({"transfer": LONG.replace("tested", "tetsed")}, "transfer.csv, row 1: no column is for a task"),
     (
@@ -528,6 +528,7 @@ def test_a_lesson_in_time_makes_a_task_possible(tmp_path):
     [
         ({"order": "best"}, "order: 'best' is unknown"),
         ({"max_lessons": -1}, "max_lessons: -1 given"),
+        ({"max_lessons": 1.5}, "max_lessons: 1.5 given; expected a whole number"),
         ({"max_teaching": math.nan}, "max_teaching: nan given"),
         ({"fill": 1.5}, "fill: 1.5 given"),
     ],
@@ -599,3 +600,14 @@ def test_whatever_the_cells_hold_there_is_a_shop_or_one_message(tmp_path_factory
     except InputError as problem:
         told = str(problem)
     assert re.match(place, told)
+
+
+@pytest.mark.parametrize("transfer", [
+    SQUARE.replace("\nlid", "\nlids"), SQUARE.replace(",lid", ",lids"), LONG.replace("lid,", "lids,"),
+    LONG.replace(",lid,", ",lids,"),
+])  # fmt: skip
+def test_a_name_that_may_be_a_task_s_is_told_where_its_pairs_are_filled(tmp_path, transfer):
+    hint = "in transfer.csv, 'lids' is no task of the orders; is it 'lid'?"
+    assert hint in read(tmp_path, transfer=transfer, fill=0).remarks
+    whole = LONG + "lids,cup,0.5\nlids,lid,0.5\n"  # of a catalogue, since the table has the lid, too
+    assert not [each for each in read(tmp_path, transfer=whole, fill=0).remarks if "is it" in each]

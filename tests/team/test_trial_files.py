@@ -7,8 +7,13 @@ import numpy as np
 import pytest
 
 from p2l.errors import ArtifactError, InputError
+from p2l.team import plan
+from p2l.team.information import Stake
+from p2l.team.shop import plan_shop
+from p2l.team.shop.reading import read_shop
 from p2l.team.transfer_files import LONG, check_output, transfer_text
 from p2l.team.trial_files import read_features, read_orders, read_trials
+from p2l.transfer.beliefs import BetaBelief
 from p2l.transfer.few_trials import Prior, Trials
 from p2l.transfer.pair_models import FitSetting
 from p2l.transfer.prediction import predict
@@ -137,6 +142,30 @@ def test_orders_that_cannot_be_taught_have_no_lesson(write):
     text += "peg,1,2,3,10,yes,50%,\nhole,1,2,3,10,no,,\nclip,1,2,3,10,yes,,!learn\n"
     problem, _ = read_orders(write(text), NAMES, Path("features.csv"), "fixed")
     assert problem.c_demo.tolist() == [20.0, np.inf, np.inf]  # a demonstration that teaches half the time: two
+
+
+def test_what_orders_decide_is_decided_where_trials_are_valued_too(write):
+    """The plan whose trials are valued is that of stage `plan`: copies, decisions, lessons that may not have taught."""
+    head = "task,c_rob,c_hum,c_fail,c_demo,pretrained,count,decision,teachable,demo_success,demo_tries\n"
+    kinds = [
+        ",,,", "act,,,", "delegate,,,", "learn,,,", "!learn,,,", ",no,,", ",,80%,2", ",,50%,", "learn,,60%,1", "act,,,",
+    ]  # fmt: skip
+    for order, seed in (("fixed", 1), ("any", 2), ("fixed", 3)):
+        rng = np.random.default_rng(seed)
+        names = [f"t{i}" for i in range(len(kinds))]
+        table = rng.uniform(0.0, 1.0, (10, 10)).round(3)
+        rows = [
+            f"{name},{rng.integers(1, 5)},{rng.integers(8, 20)},{rng.integers(5, 30)},{rng.integers(5, 25)},"
+            f"{0.2 * rng.random():.3f},{rng.integers(1, 4)},{kind}\n"
+            for name, kind in zip(names, rng.permutation(kinds), strict=True)
+        ]
+        orders = write(head + "".join(rows), "orders.csv")
+        lines = [",".join([name, *map(str, row)]) for name, row in zip(names, table.tolist(), strict=True)]
+        square = write("\n".join([",".join(["task", *names]), *lines]) + "\n", "square.csv")
+        problem, place = read_orders(orders, names, Path("features.csv"), order)
+        belief = BetaBelief(1e3 * table.ravel() + 1e-9, 1e3 * (1.0 - table.ravel()) + 1e-9)
+        valued = plan(Stake(problem, place, belief, 10).today)
+        assert valued.objective == pytest.approx(plan_shop(read_shop(orders, square, order=order).shop).objective)
 
 
 @pytest.mark.parametrize(

@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
-from shop_instances import large_shop
 from two_stage_instances import large_program, of_shop, one_scenario, small_program
 
+from benchmarks.instances import large_shop
 from p2l.errors import ConfigError, ShapeError, SolverError
 from p2l.team import Problem
 from p2l.team.shop import Shop, plan_shop

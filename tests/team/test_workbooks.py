@@ -10,6 +10,7 @@ from p2l.errors import InputError
 from p2l.team.cells import number, probability
 from p2l.team.files import read_problem
 from p2l.team.sheets import read_sheet
+from p2l.team.shop.orders import read_orders
 
 openpyxl = pytest.importorskip("openpyxl")
 
@@ -92,6 +93,26 @@ def test_the_sheet_is_the_first_visible_one_or_the_one_that_is_named(tmp_path):
     assert read_sheet(f"{path}#Orders").name == f"{path}#Orders"
     with pytest.raises(InputError, match=r"a.xlsx#no: has no sheet 'no'; it has \['Orders', 'Sheet 1', 'Sheet 2'\]"):
         read_sheet(f"{path}#no")
+
+
+@pytest.mark.parametrize("merged", [False, True])
+def test_a_cover_sheet_that_comes_first_is_named_and_so_are_the_others(tmp_path, merged):
+    def change(book):
+        book.active.title = "Cover"
+        book.active.append(["Shop floor", "Monday"])
+        if merged:
+            book.active.merge_cells("A1:B1")
+        book.worksheets[1].append(["task", "c_rob", "c_hum", "c_fail", "c_demo"])
+        book.worksheets[1].append(["lid", 1, 2, 3, 4])
+        book.worksheets[3].sheet_state = "hidden"
+
+    path = saved(tmp_path / "day.xlsx", change, sheets=4)
+    with pytest.raises(InputError) as caught:
+        read_orders(read_sheet(path))
+    text = "day.xlsx#Cover (its first sheet; there are also #Sheet 1, #Sheet 2), row 1"
+    assert text in str(caught.value)
+    assert read_orders(read_sheet(f"{path}#Sheet 1")).tasks == ("lid",)
+    assert read_sheet(f"{path}#Sheet 1").name == f"{path}#Sheet 1"
 
 
 def test_a_workbook_may_come_by_standard_input_and_under_any_name(tmp_path, monkeypatch):

@@ -6,6 +6,7 @@ import signal
 import socket
 import subprocess
 import sys
+import urllib.request
 from pathlib import Path
 
 import pytest
@@ -62,8 +63,17 @@ def server(tmp_path):
 
 
 def is_up(port):
-    with socket.socket() as probe:
-        return probe.connect_ex(("127.0.0.1", port)) == 0
+    """Whether the server answers; its port is open long before, and on a busy machine too long for a stage to wait."""
+    asked = urllib.request.Request(
+        f"http://127.0.0.1:{port}/api/2.0/mlflow/experiments/search",
+        data=b'{"max_results": 1}',
+        headers={"Content-Type": "application/json"},
+    )
+    try:
+        with urllib.request.urlopen(asked, timeout=waiting.IDLE_S) as answer:
+            return answer.status == 200
+    except (OSError, ValueError):
+        return False
 
 
 def test_a_server_that_dies_slows_nothing_and_gets_everything_when_it_is_back(server, tmp_path, caplog):
@@ -97,18 +107,19 @@ def test_a_server_that_dies_slows_nothing_and_gets_everything_when_it_is_back(se
 
 
 class Flaky:
-    """A client whose store takes nothing until it is `well`."""
+    """A store that takes nothing until it is `well`."""
 
     def __init__(self):
         self.well, self.taken = False, []
 
-    def log_batch(self, run_id, metrics):
-        self._take(("metrics", run_id, [(metric.key, metric.value) for metric in metrics]))
+    def log_metrics(self, run_id, rows):
+        self._take(("metrics", run_id, [(name, value) for name, value, *_ in rows]))
 
-    def set_tag(self, run_id, key, value):
+    def set_tags(self, run_id, tags):
+        [(key, value)] = tags.items()
         self._take(("tag", run_id, key, value))
 
-    def set_terminated(self, run_id, status, end_time):
+    def set_status(self, run_id, status, end_time):
         self._take(("end", run_id, status, end_time))
 
     def _take(self, what):
@@ -186,7 +197,7 @@ def test_the_queue_is_bounded_and_a_folder_that_cannot_be_written_has_a_spare(tm
 
 def test_putting_never_waits_for_a_store_that_hangs(tmp_path, hasty):
     class Hanging(Flaky):
-        def log_batch(self, run_id, metrics):
+        def log_metrics(self, run_id, rows):
             gate.wait()
 
     gate = module.threading.Event()

@@ -77,8 +77,8 @@ def test_a_checkout_may_have_any_name(tmp_path, monkeypatch, name):
     root.mkdir()
     uri, client = connect(root)
     assert (root / "mlflow.db").is_file()
-    run = client.create_run(experiment(client, uri, "test"))
-    client.log_text(run.info.run_id, "text", "a.txt")
+    run = client.create_run(experiment(client, uri, "test"), "one", {})
+    client.log_config(run, {"x": 1})
     assert (root / "mlartifacts" / "test").is_dir()
 
 
@@ -108,7 +108,7 @@ def test_a_store_whose_making_was_killed_is_made_by_the_next_run(tmp_path):
     assert process.exitcode == -signal.SIGKILL
     assert not path.exists()
     _, client = connect(tmp_path, f"sqlite:///{path}")
-    assert client.search_experiments()
+    assert client.find_experiment("Default") == ("0", True)
 
 
 def test_nobody_waits_for_the_lock_of_a_store_that_is_there(tmp_path):
@@ -116,7 +116,7 @@ def test_nobody_waits_for_the_lock_of_a_store_that_is_there(tmp_path):
     connect(tmp_path, uri)
     with FileLock(f"{tmp_path / 'runs.db'}.lock"):
         _, client = connect(tmp_path, uri)
-    assert client.search_experiments()
+    assert client.find_experiment("Default") == ("0", True)
 
 
 def test_a_store_that_an_earlier_kill_left_half_made_says_what_to_do(tmp_path):

@@ -47,6 +47,10 @@ class Rows:
         rows = np.asarray(index)
         return Rows(**{name: value[rows] for name, value in self.arrays().items()})
 
+    def window(self, row: int) -> Rows:
+        """One row, on the memory of this record: what is written there later shows in it."""
+        return Rows(**{name: value[row : row + 1] for name, value in self.arrays().items()})
+
     def put(self, index: npt.ArrayLike, rows: Rows) -> None:
         """Overwrite the rows of `index`; only who made this record's arrays may do so (the runner's slots)."""
         where = np.asarray(index)

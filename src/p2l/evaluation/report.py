@@ -9,6 +9,7 @@ from p2l.evaluation.chaining import section as chains
 from p2l.evaluation.failures import section as failures
 from p2l.evaluation.metareskill import section as recoveries
 from p2l.evaluation.metareskill import strategies
+from p2l.evaluation.objective_section import one_objective
 from p2l.evaluation.page.page import Section
 from p2l.evaluation.page.sources import Sources
 from p2l.evaluation.team import section as chapter3
@@ -16,6 +17,7 @@ from p2l.evaluation.transfer import section as worlds
 
 SECTIONS: tuple[Callable[[Sources], Section], ...] = (
     chapter3.in_one_picture,
+    one_objective,
     worlds.learnt_skills,
     worlds.predictors,
     chapter3.figure_3_7,

@@ -2,58 +2,85 @@
 
 Hydra composes, this validates: unknown keys are refused and every number has a range. One model per stage; a value is
 read by the stage of the same name, so a field lives where it is used. `resolve` turns a composed Hydra configuration
-into plain data, `validate` turns plain data into a frozen model.
+into plain data, `validate` turns plain data into a frozen model. A stage loads its own model and no other.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from pathlib import Path
-from typing import get_args
+import importlib
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any
 
-from p2l.schema.base import ArchivedStageConfig, StageConfig, resolve, validate
-from p2l.schema.chains import ChainRecoveriesConfig, EvaluateChainsConfig, ExportConfig
-from p2l.schema.metareskill import (
-    EvaluateRecoveriesConfig,
-    FitPreconditionsConfig,
-    IterateRecoveriesConfig,
-    LearnRecoveriesConfig,
-)
-from p2l.schema.pipeline import ConfigStageConfig, ReportConfig
-from p2l.schema.prediction import PredictTransferConfig
-from p2l.schema.recovery import ClusterConfig, DiscoverConfig, WatchConfig
-from p2l.schema.team import CheckPlanConfig, CollectConfig, EvaluateTeamConfig, FitTransferConfig, PlanConfig
+from p2l.schema.base import ArchivedStageConfig, StageConfig, paths_of, resolve, validate
 
-SCHEMAS: Mapping[str, type[StageConfig]] = {
-    "collect": CollectConfig,
-    "fit_transfer": FitTransferConfig,
-    "plan": PlanConfig,
-    "check_plan": CheckPlanConfig,
-    "predict_transfer": PredictTransferConfig,
-    "evaluate_team": EvaluateTeamConfig,
-    "fit_preconditions": FitPreconditionsConfig,
-    "discover": DiscoverConfig,
-    "cluster": ClusterConfig,
-    "learn_recoveries": LearnRecoveriesConfig,
-    "evaluate_recoveries": EvaluateRecoveriesConfig,
-    "iterate_recoveries": IterateRecoveriesConfig,
-    "chain_recoveries": ChainRecoveriesConfig,
-    "evaluate_chains": EvaluateChainsConfig,
-    "export": ExportConfig,
-    "watch": WatchConfig,
-    "report": ReportConfig,
-    "config": ConfigStageConfig,
+if TYPE_CHECKING:
+    from p2l.schema.chains import ChainRecoveriesConfig, EvaluateChainsConfig, ExportConfig
+    from p2l.schema.day import DayConfig
+    from p2l.schema.metareskill import (
+        EvaluateRecoveriesConfig,
+        FitPreconditionsConfig,
+        IterateRecoveriesConfig,
+        LearnRecoveriesConfig,
+    )
+    from p2l.schema.pipeline import ConfigStageConfig, ReportConfig
+    from p2l.schema.prediction import PredictTransferConfig
+    from p2l.schema.recovery import ClusterConfig, DiscoverConfig, WatchConfig
+    from p2l.schema.team import CheckPlanConfig, CollectConfig, EvaluateTeamConfig, FitTransferConfig, PlanConfig
+
+_HOMES = {  # module → stage → model
+    "chains": {
+        "chain_recoveries": "ChainRecoveriesConfig",
+        "evaluate_chains": "EvaluateChainsConfig",
+        "export": "ExportConfig",
+    },
+    "day": {"day": "DayConfig"},
+    "metareskill": {
+        "fit_preconditions": "FitPreconditionsConfig",
+        "learn_recoveries": "LearnRecoveriesConfig",
+        "evaluate_recoveries": "EvaluateRecoveriesConfig",
+        "iterate_recoveries": "IterateRecoveriesConfig",
+    },
+    "pipeline": {"report": "ReportConfig", "config": "ConfigStageConfig"},
+    "prediction": {"predict_transfer": "PredictTransferConfig"},
+    "recovery": {"discover": "DiscoverConfig", "cluster": "ClusterConfig", "watch": "WatchConfig"},
+    "team": {
+        "collect": "CollectConfig",
+        "fit_transfer": "FitTransferConfig",
+        "plan": "PlanConfig",
+        "check_plan": "CheckPlanConfig",
+        "evaluate_team": "EvaluateTeamConfig",
+    },
 }
+_HOME_OF = {model: home for home, models in _HOMES.items() for model in models.values()}
+_MODEL_OF = {stage: model for models in _HOMES.values() for stage, model in models.items()}
 
-PATHS = frozenset(
-    name
-    for schema in SCHEMAS.values()
-    for name, field in schema.model_fields.items()
-    if field.annotation is Path or Path in get_args(field.annotation)
-)  # fields that name a file or a folder
+
+def __getattr__(name: str) -> Any:
+    """Import a model when it is asked for (PEP 562)."""
+    if name not in _HOME_OF:
+        raise AttributeError(f"module 'p2l.schema' has no attribute '{name}'")
+    model = getattr(importlib.import_module(f"p2l.schema.{_HOME_OF[name]}"), name)
+    globals()[name] = model
+    return model
+
+
+class _Schemas(Mapping[str, type[StageConfig]]):
+    """The model of each stage, loaded when it is asked for."""
+
+    def __getitem__(self, stage: str) -> type[StageConfig]:
+        model: type[StageConfig] = __getattr__(_MODEL_OF[stage])
+        return model
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(_MODEL_OF)
+
+    def __len__(self) -> int:
+        return len(_MODEL_OF)
+
+
+SCHEMAS: Mapping[str, type[StageConfig]] = _Schemas()
 
 __all__ = [
-    "PATHS",
     "SCHEMAS",
     "ArchivedStageConfig",
     "ChainRecoveriesConfig",
@@ -61,6 +88,7 @@ __all__ = [
     "ClusterConfig",
     "CollectConfig",
     "ConfigStageConfig",
+    "DayConfig",
     "DiscoverConfig",
     "EvaluateChainsConfig",
     "EvaluateRecoveriesConfig",
@@ -75,6 +103,7 @@ __all__ = [
     "ReportConfig",
     "StageConfig",
     "WatchConfig",
+    "paths_of",
     "resolve",
     "validate",
 ]

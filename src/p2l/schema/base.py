@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator, Mapping
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, TypeVar, cast
+from typing import Annotated, Any, ClassVar, TypeVar, cast, get_args
 
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
@@ -38,7 +38,8 @@ _NAME = re.compile(r"\w[\w.-]*")
 class ConfigSection(BaseModel):
     """Part of a configuration: frozen, no unknown keys, no NaN or infinity, no number written as text."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+    # Of the models of a module, a stage uses a few; each is built when it is first used.
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False, defer_build=True)
 
 
 class ChoiceConfig(ConfigSection):
@@ -156,6 +157,12 @@ class ArchivedStageConfig(StageConfig):
     idle: ClassVar[dict[str, Any]] = StageConfig.idle | {"records": True}
 
     records: Path | None = None
+
+
+def paths_of(schema: type[StageConfig]) -> frozenset[str]:
+    """The fields that name a file or a folder."""
+    fields = schema.model_fields.items()
+    return frozenset(name for name, field in fields if field.annotation is Path or Path in get_args(field.annotation))
 
 
 def resolve(config: DictConfig) -> dict[str, Any]:

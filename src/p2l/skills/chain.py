@@ -142,7 +142,7 @@ def run(
         over = (moments.reason == Reason.FAILURE) | (moments.reason == Reason.DIVERGENCE)
         nexts = np.full(len(moments), FINISH, dtype=np.int64)
         if (~over).any():
-            nexts[~over] = following(moments.take(~over))
+            nexts[~over] = following(moments.take(~over) if over.any() else moments)
         if (going := nexts != FINISH).any():
             runner.begin(events.slot[going], nexts[going])
         free = np.flatnonzero(~runner.busy)

@@ -118,7 +118,7 @@ def number(
     what = what if never else f"a number from {_short(lowest)} to {_short(largest)}"
     value = _value(sheet, line, column, text, what)
     if not (lowest <= value <= largest and math.isfinite(value)):
-        raise InputError.at(sheet.name, line, column, f"{quoted(text)} is not allowed; give {what}")
+        raise _not_allowed(sheet, line, column, text, what)
     return value + 0.0  # no -0.0
 
 
@@ -146,7 +146,7 @@ def probability(sheet: Sheet, line: int, column: str | None, text: str, *, empty
     value = _value(sheet, line, column, text, what, percent=True, limit=1.0)
     if not 0.0 <= value <= 1.0:
         hint = f"; if {text} of a hundred is meant, write {text}%" if 1.0 < value <= 100.0 and text[-1] != "%" else ""
-        raise InputError.at(sheet.name, line, column, f"{quoted(text)} is not allowed; give {what}{hint}")
+        raise _not_allowed(sheet, line, column, text, what + hint)
     return value + 0.0
 
 
@@ -171,7 +171,7 @@ def whole_number(
     what = f"a whole number from 0 to {largest}"
     value = _value(sheet, line, column, text, what)
     if not (0.0 <= value <= largest and value == math.floor(value)):
-        raise InputError.at(sheet.name, line, column, f"{quoted(text)} is not allowed; give {what}")
+        raise _not_allowed(sheet, line, column, text, what)
     return int(value)
 
 
@@ -192,9 +192,8 @@ def flag(sheet: Sheet, line: int, column: str | None, text: str, *, empty: bool 
     if word in _YES or word in _NO:
         return word in _YES
     if text or empty is None:
-        raise InputError.at(
-            sheet.name, line, column, f"{quoted(text)} is neither yes nor no; give yes, no, true, false, 1, 0"
-        )
+        problem = f"{quoted(text)} is neither yes nor no; give yes, no, true, false, 1, 0"
+        raise InputError.at(sheet.name, line, column, problem)
     return empty
 
 
@@ -247,10 +246,8 @@ def _value(
     if value is None:
         if _reading(plain, not sheet.decimal_comma, is_percent) is not None:
             marks = ("point", "comma") if sheet.decimal_comma else ("comma", "point")
-            problem = (
-                f"{quoted(text)} has a decimal {marks[0]}, and numbers of this file a decimal {marks[1]}; give {what}"
-            )
-            raise InputError.at(sheet.name, line, column, problem)
+            problem = f"has a decimal {marks[0]}, and numbers of this file a decimal {marks[1]}; give {what}"
+            raise InputError.at(sheet.name, line, column, f"{quoted(text)} {problem}")
         if plain.lower().lstrip("+-") not in _NO_VALUE:
             raise InputError.at(sheet.name, line, column, f"{quoted(text)} is not a number; give {what}")
         return math.nan
@@ -263,6 +260,11 @@ def _value(
             raise InputError.at(sheet.name, line, column, f"{quoted(text)} {problem}; {ways}; give {what}")
         return low
     return value
+
+
+def _not_allowed(sheet: Sheet, line: int, column: str | None, text: str, what: str) -> InputError:
+    """A number that a cell must not hold, and what it may."""
+    return InputError.at(sheet.name, line, column, f"{quoted(text)} is not allowed; give {what}")
 
 
 def _reading(text: str, decimal_comma: bool, percent: bool) -> float | None:

@@ -10,7 +10,6 @@ Axis letters: M pool tasks, Q pre-training tasks, n tasks of a set.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,9 +20,10 @@ import pandas as pd
 
 from p2l.artifacts import config_hash
 from p2l.contracts.domain import Domain, Progress, Tasks
-from p2l.ledger import Item, find, write
+from p2l.ledger import Item
 from p2l.records import Array, IntArray, TransferData, freeze
 from p2l.seeding import generator
+from p2l.team.items import recorded
 from p2l.team.pretrained import learn_block, recorded_skills
 from p2l.team.problem import Decision, Plan
 from p2l.team.study import (
@@ -240,12 +240,13 @@ def recorded_truth(
         progress: called while simulating.
     """
     item = Item(domain.name, "truth", seed, block.index, config_hash([TRUTH_VERSION, identity, block.digest]))
-    if (record := find(records, item)) is None:
-        start = time.perf_counter()
+
+    def measured() -> dict[str, Any]:
         skills = recorded_skills(domain, seed, block, records, identity)
         truth = measure_truth(domain, study, seed, block, progress, skills)
-        record = {"planning": truth.planning.tolist(), "executing": truth.executing.tolist()}
-        write(records, item, record, seconds=time.perf_counter() - start)
+        return {"planning": truth.planning.tolist(), "executing": truth.executing.tolist()}
+
+    record = recorded(records, item, measured)
     return Truth(record["planning"], record["executing"])
 
 
@@ -260,9 +261,6 @@ def recorded_rows(
     regimes = [regime.__dict__ for regime in study.regimes]
     decisive = [regimes, plans.drop(columns=list(PREDICTIONS)).to_dict("records"), truth.executing.tolist()]
     item = Item(domain.name, method, seed, block, config_hash(decisive))
-    if (record := find(records, item)) is None:
-        start = time.perf_counter()
-        record = {"rows": execute_plans(plans, study.regimes, truth).to_dict("records")}
-        write(records, item, record, seconds=time.perf_counter() - start)
+    record = recorded(records, item, lambda: {"rows": execute_plans(plans, study.regimes, truth).to_dict("records")})
     rows: list[dict[str, Any]] = record["rows"]
     return rows

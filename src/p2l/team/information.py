@@ -64,7 +64,7 @@ class Stake:
     """A day's orders and what is believed of the pairs of tasks.
 
     Attributes:
-        problem: the orders; its transfer table is not used.
+        problem: the orders; its transfer table is a factor of every probability: how surely a lesson has taught.
         place: [n] the task behind each row of the orders; several rows may be the same task.
         belief: of all M · M pairs, the tested task fastest.
         tasks: M.
@@ -82,7 +82,8 @@ class Stake:
 
     def expected(self, means: Array) -> Problem:
         """The problem with these means [n · n] for a transfer table."""
-        return replace(self.problem, transfer=np.clip(means, 0.0, 1.0).reshape(self.problem.n, -1))
+        believed = np.clip(means, 0.0, 1.0).reshape(self.problem.n, -1)
+        return replace(self.problem, transfer=believed * self.problem.transfer)
 
     @property
     def today(self) -> Problem:
@@ -173,20 +174,21 @@ def screened(stake: Stake, today: Plan, most: int = _SCREENED, level: float = 0.
     price = np.minimum(np.where(np.isfinite(price), price, problem.c_demo), problem.outside)
     acts = np.flatnonzero((today.decision == Decision.ACT) & (today.skill >= 0))
 
-    def surplus(p: Array) -> Array:
-        """[n] what each lesson saves beyond its cost, below 0 where it does not pay."""
+    def served(p: Array) -> Array:
+        """[n] what each lesson saves on other tasks."""
         gain = np.where(possible, np.maximum(price - problem.attempt_cost(p), 0.0), 0.0)
-        return np.asarray(gain.sum(axis=1) + price - problem.c_demo)
+        return np.asarray(gain.sum(axis=1))
 
     def in_use(p: Array) -> float:
         return float(problem.attempt_cost(p[today.skill[acts], acts], acts.tolist()).sum())
 
-    now, cost = surplus(problem.transfer), in_use(problem.transfer)
+    now, cost = served(problem.transfer), in_use(problem.transfer)
+    surplus = now + price - problem.c_demo  # beyond its own cost, below 0 where it does not pay
     scores = np.zeros(len(at))
     for number, pair in enumerate(at.tolist()):
-        low, high = stake.belief.extremes(pair, level, at)[:, back].reshape(2, n, n)
-        more = np.nan_to_num(surplus(high) - now)
-        saved = np.maximum(now + _SLACK * more, 0.0) - np.maximum(now, 0.0)
+        low, high = (stake.expected(end[back]).transfer for end in stake.belief.extremes(pair, level, at))
+        more = served(high) - now
+        saved = np.maximum(surplus + _SLACK * more, 0.0) - np.maximum(surplus, 0.0)
         scores[number] = max(0.0, float(saved.max())) + max(0.0, in_use(low) - cost)
     order = np.argsort(-scores, kind="stable")[:most]
     return np.asarray(at[order[scores[order] > _NOTHING * max(1.0, today.objective)]])

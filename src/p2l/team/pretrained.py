@@ -9,17 +9,18 @@ Axis letters: M pool tasks, Q pre-training tasks, P skill parameters.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from p2l.artifacts import config_hash
 from p2l.contracts.domain import Domain, Progress
-from p2l.ledger import Item, find, write
+from p2l.ledger import Item, find
 from p2l.records import Array, freeze
 from p2l.seeding import generator
+from p2l.team.items import recorded
 from p2l.team.study import Block, Study
 
 # Part of every record's hash: raise it when simulator, world or learner give other outcomes than before.
@@ -68,20 +69,15 @@ def recorded_pretrained(
     decisive = [PRETRAINED_VERSION, identity, block.digest, study.pretrained_draws]
     item = Item(domain.name, "pretrained", seed, block.index, config_hash(decisive))
     if (record := find(records, item)) is None:
-        if (skills := recorded_skills(domain, seed, block, records, identity)) is None:
-            start = time.perf_counter()
-            skills = learn_block(domain, seed, block, progress)
-            plain = [[None if np.isnan(value) else value for value in row] for row in skills.tolist()]
-            write(
-                records,
-                _skills_item(domain, seed, block, identity),
-                {"skills": plain},
-                seconds=time.perf_counter() - start,
-            )
-        start = time.perf_counter()
-        rate = measure_pretrained(domain, study, seed, block, skills, progress)
-        record = {"rate": rate.tolist(), "executions": rate.size * study.pretrained_draws}
-        write(records, item, record, seconds=time.perf_counter() - start)
+        skills = _kept_skills(
+            domain, seed, block, records, identity, progress
+        )  # which has a record and time of its own
+
+        def measured() -> dict[str, Any]:
+            rate = measure_pretrained(domain, study, seed, block, skills, progress)
+            return {"rate": rate.tolist(), "executions": rate.size * study.pretrained_draws}
+
+        record = recorded(records, item, measured)
     sizes = {"Q": len(block.pretrained), "M": len(block.pool)}
     return freeze("pretrained", record["rate"], ("Q", "M"), sizes, low=0.0, high=1.0)
 
@@ -94,8 +90,22 @@ def measurement(domain: Domain, study: Study, seed: int, records: Path, identity
 def recorded_skills(domain: Domain, seed: int, block: Block, records: Path, identity: str) -> Array | None:
     """[M + Q, P] the skills of a block if its record holds them, see `learn_block`."""
     record = find(records, _skills_item(domain, seed, block, identity))
-    if record is None:
-        return None
+    return None if record is None else _skills(record, block)
+
+
+def _kept_skills(
+    domain: Domain, seed: int, block: Block, records: Path, identity: str, progress: Progress | None
+) -> Array:
+    """[M + Q, P] the skills of a block from their record, else learnt, which leaves one."""
+
+    def learnt() -> dict[str, Any]:
+        skills = learn_block(domain, seed, block, progress)
+        return {"skills": [[None if np.isnan(value) else value for value in row] for row in skills.tolist()]}
+
+    return _skills(recorded(records, _skills_item(domain, seed, block, identity), learnt), block)
+
+
+def _skills(record: dict[str, Any], block: Block) -> Array:
     sizes = {"S": len(block.pool) + len(block.pretrained)}
     return freeze("skills", np.array(record["skills"], dtype=np.float64), ("S", "P"), sizes, finite=False)
 

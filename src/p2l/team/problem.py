@@ -247,12 +247,7 @@ class Plan:
     certificate: Certificate | None = None
 
     def __post_init__(self) -> None:
-        sizes: dict[str, int] = {}
-        put = object.__setattr__
-        for name in ("sequence", "decision", "skill"):
-            put(self, name, freeze(name, getattr(self, name), ("n",), sizes, np.int64))
-        for name in ("p_success", "expected_cost"):
-            put(self, name, freeze(name, getattr(self, name), ("n",), sizes))
+        freeze_columns(self, ("n",), ("sequence", "decision", "skill"), ("p_success", "expected_cost"))
 
     def count(self, decision: Decision) -> int:
         """How many tasks get this decision."""
@@ -285,6 +280,18 @@ class FacilitySolution:
     def gap(self) -> float:
         """(cost - lower_bound) / cost."""
         return relative_gap(self.cost, self.lower_bound)
+
+
+def freeze_columns(record: object, shape: tuple[str], whole: tuple[str, ...], real: tuple[str, ...]) -> None:
+    """Make columns of a frozen record read-only arrays of one length: whole numbers, and others.
+
+    Raises:
+        ShapeError: a column is no such array, or of another length than the first.
+    """
+    sizes: dict[str, int] = {}
+    for name in (*whole, *real):
+        kind = np.int64 if name in whole else np.float64
+        object.__setattr__(record, name, freeze(name, getattr(record, name), shape, sizes, kind))
 
 
 def relative_gap(cost: float, lower_bound: float) -> float:

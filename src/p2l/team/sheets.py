@@ -84,7 +84,8 @@ def read_sheet(path: Path | str) -> Sheet:
     name, data, tab = _source(path)
     _refuse_what_is_no_table(name, data)
     if data.startswith(_ARCHIVE):
-        rows = [(line, _stripped(cells)) for line, cells in workbook_rows(name, data, tab)]
+        name, lines = workbook_rows(name, data, tab)
+        rows = [(line, _stripped(cells)) for line, cells in lines]
         return replace(
             _sheet(name, rows, suspect=True), unclear=","
         )  # its numbers have points, its texts may have anything

@@ -92,7 +92,10 @@ def _next_trials(outlook: Outlook, names: Sequence[str], attempts: int) -> str:
     for each in outlook.values:
         worth = (f"{each.value(attempts):,.2f}", str(each.best), f"{each.value(each.best):,.2f}")
         rows.append((names[each.taught], names[each.tested], f"{each.p:.2f}", *worth))
-    return f"{cost} What attempts would save of it, in its units, before their own cost:\n{_aligned(rows, left=2)}"
+    day = "for one robot, without a partial order and limits on lessons"
+    return (
+        f"{cost} What attempts would save of it ({day}), in its units, before their own cost:\n{_aligned(rows, left=2)}"
+    )
 
 
 def _closing(prediction: Prediction, outlook: Outlook | None, names: Sequence[str]) -> str:

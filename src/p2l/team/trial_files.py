@@ -121,10 +121,11 @@ def read_trials(path: Path, names: Sequence[str], features: Path) -> Trials:
 
 
 def read_orders(path: Path, names: Sequence[str], features: Path, order: Order) -> tuple[Problem, IntArray]:
-    """A day's orders without a transfer table, and the task [n] behind each of its rows.
+    """A day's orders, and the task [n] behind each of its rows.
 
-    The columns are those of `shop.orders.read_orders`. Further copies of a task are rows of their own. Of a decision,
-    only whether the task may be taught is kept, and a lesson is taken to succeed.
+    The columns are those of `shop.orders.read_orders`. Further copies of a task are rows of their own, which are not
+    taught. Decisions are costs: what they rule out costs infinitely much. The transfer table has the probability that
+    the demonstrations of a lesson (row) teach it, 1 without `demo_tries`.
 
     Args:
         path: as `sheets.read_sheet` takes it.
@@ -146,16 +147,18 @@ def read_orders(path: Path, names: Sequence[str], features: Path, order: Order) 
     labels = [
         f"{orders.tasks[row]} ({nth + 1})" if nth else orders.tasks[row] for row, nth in zip(rows, copy, strict=True)
     ]
-    can_teach = orders.teachable & np.isin(orders.choice, (Ruling.FREE, Ruling.LEARN))
+    first, choice = copy == 0, orders.choice[rows]
+    teach = first & orders.teachable[rows] & np.isin(choice, (Ruling.FREE, Ruling.LEARN))
+    ruled_out = first & (choice == Ruling.LEARN)  # for all but a lesson
     try:
         problem = Problem(
             tasks=tuple(labels),
-            c_rob=orders.c_rob[rows],
-            c_hum=orders.c_hum[rows],
+            c_rob=np.where(ruled_out | (choice == Ruling.DELEGATE), np.inf, orders.c_rob[rows]),
+            c_hum=np.where(ruled_out | (choice == Ruling.ACT), np.inf, orders.c_hum[rows]),
             c_fail=orders.c_fail[rows],
-            c_demo=np.where(can_teach, orders.c_demo * orders.demos, np.inf)[rows],
+            c_demo=np.where(teach, (orders.c_demo * orders.demos)[rows], np.inf),
             pretrained=orders.pretrained[rows],
-            transfer=np.ones((len(rows),) * 2),
+            transfer=np.repeat(orders.learnt[rows][:, None], len(rows), axis=1),
             order=order,
         )
     except ShapeError as error:

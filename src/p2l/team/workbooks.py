@@ -22,8 +22,11 @@ _UNKNOWN = re.compile(rb"<" + _TAG + rb"c\b([^>]*[^>/])>\s*" + _FORMULA + _NO_VA
 _PLACE = re.compile(rb"\br=\"([A-Z]+)(\d+)\"")
 
 
-def workbook_rows(name: str, data: bytes, tab: str | None) -> list[Row]:
-    """Rows of one sheet that are not blank, with their lines, all of the same length; numbers in full precision.
+def workbook_rows(name: str, data: bytes, tab: str | None) -> tuple[str, list[Row]]:
+    """What messages call a sheet, and its rows.
+
+    The name tells which of several sheets is read if nobody has said which. Rows are those that are not blank, with
+    their lines, all of the same length; numbers in full precision.
 
     Args:
         name: of the file, for messages.
@@ -40,6 +43,7 @@ def workbook_rows(name: str, data: bytes, tab: str | None) -> list[Row]:
             warnings.simplefilter("ignore")
             book = openpyxl.load_workbook(io.BytesIO(data), read_only=True, data_only=True, keep_links=False)
             sheet = _sheet(name, book, tab)
+            name = name if tab is not None else _name(name, book, sheet)
             sheet.reset_dimensions()  # some programs write wrong ones
             rows = [
                 (line, [_text(value) for value in cells])
@@ -57,7 +61,7 @@ def workbook_rows(name: str, data: bytes, tab: str | None) -> list[Row]:
     if rows:
         _refuse_merged_cells(name, source, rows[0][0], rows[-1][0], width)
         _refuse_unknown_values(name, source)
-    return [(line, cells + [""] * (width - len(cells))) for line, cells in rows]
+    return name, [(line, cells + [""] * (width - len(cells))) for line, cells in rows]
 
 
 def _openpyxl(name: str) -> ModuleType:
@@ -93,6 +97,15 @@ def _sheet(name: str, book: Any, tab: str | None) -> Any:
         if title.strip().casefold() == tab.strip().casefold():
             return sheet
     raise InputError.at(name, None, None, f"has no sheet '{tab}'; it has {list(sheets)}")
+
+
+def _name(name: str, book: Any, sheet: Any) -> str:
+    others = [f"#{each.title}" for each in book.worksheets if each.sheet_state == "visible" and each is not sheet]
+    return f"{name}#{sheet.title} (its first sheet; there {_are(len(others))} {', '.join(others)})" if others else name
+
+
+def _are(many: int) -> str:
+    return "is also" if many == 1 else "are also"
 
 
 def _text(value: object) -> str:

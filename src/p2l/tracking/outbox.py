@@ -16,15 +16,13 @@ from collections import deque
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from filelock import FileLock, Timeout
 
 from p2l.artifacts import write_text
 from p2l.errors import ArtifactError
-
-if TYPE_CHECKING:
-    from mlflow import MlflowClient
+from p2l.tracking.client import RunStore
 
 log = logging.getLogger(__name__)
 FOLDER = ".outbox"
@@ -42,14 +40,14 @@ class Outbox:
     """Sends the entries of one run, in order, from a thread of its own.
 
     Args:
-        client: of the store.
+        client: the store.
         run_id: the run.
         store: URI of the store, without a password.
         place: folder for what cannot be sent.
         spare: folder to use where `place` cannot be written.
     """
 
-    def __init__(self, client: MlflowClient, run_id: str, store: str, place: Path, spare: Path) -> None:
+    def __init__(self, client: RunStore, run_id: str, store: str, place: Path, spare: Path) -> None:
         self._client, self._run_id, self._store = client, run_id, store
         self._place, self._spare = place, spare
         self._queue: deque[Entry] = deque()
@@ -160,7 +158,7 @@ class Outbox:
             self._lock = None
 
 
-def send(client: MlflowClient, run_id: str, entry: Entry) -> None:
+def send(client: RunStore, run_id: str, entry: Entry) -> None:
     """Send one entry, and raise whatever a store raises that is slow or gone.
 
     What a store that is there refuses, it would refuse again: a warning says so, and what comes after is not held up.
@@ -175,21 +173,19 @@ def send(client: MlflowClient, run_id: str, entry: Entry) -> None:
         log.warning("MLflow refuses the %s of run %s, which is left out: %s", entry["kind"], run_id, reason)
 
 
-def _send(client: MlflowClient, run_id: str, entry: Entry) -> None:
+def _send(client: RunStore, run_id: str, entry: Entry) -> None:
     kind = entry["kind"]
     if kind == "metrics":
-        from mlflow.entities import Metric
-
-        client.log_batch(run_id, metrics=[Metric(*row) for row in entry["rows"]])
+        client.log_metrics(run_id, entry["rows"])
     elif kind == "artifact":
         client.log_artifact(run_id, entry["path"], entry["folder"])
     elif kind == "tag":
-        client.set_tag(run_id, entry["key"], entry["value"])
+        client.set_tags(run_id, {entry["key"]: entry["value"]})
     else:
-        client.set_terminated(run_id, entry["status"], end_time=entry["end_time"])
+        client.set_status(run_id, entry["status"], entry["end_time"])
 
 
-def deliver(client: MlflowClient, store: str, folders: tuple[Path, ...]) -> None:
+def deliver(client: RunStore, store: str, folders: tuple[Path, ...]) -> None:
     """Send what earlier runs left for `store`; what it still refuses stays."""
     for path in (path for folder in folders for path in sorted(folder.glob("*.jsonl"))):
         with _claim(path) as lines:

@@ -1,10 +1,11 @@
 """Experiment tracking: what a stage measured goes to MLflow, in batches, and never half-way.
 
 `start` opens (or resumes) a run before any compute, so that an unreachable store costs nothing. Metrics are buffered
-and sent with `log_batch`, by a thread (`outbox`): one `log_metric` costs 40 to 80 ms when several processes share a
+and sent in batches, by a thread (`outbox`): one at a time costs 40 to 80 ms when several processes share a
 sqlite store, and a server that has gone costs minutes. The run's id
 is kept in the output folder: a process that was killed leaves its run RUNNING, and the next one with the same
-configuration in the same folder continues it. MLflow is imported only when tracking is on (1.1 s).
+configuration in the same folder continues it. MLflow is imported to make a store and to reach a server (1.5 s), not to
+write to a sqlite store that is there (`sqlite`).
 """
 
 from __future__ import annotations
@@ -18,16 +19,13 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from p2l.artifacts import write_text
 from p2l.errors import P2LError, TrackingError
 from p2l.tracking.about import VALUE_LIMIT, RunCard, flatten, note_of, provenance
+from p2l.tracking.client import RunStore
 from p2l.tracking.outbox import FOLDER, IMPATIENCE, Outbox
 from p2l.tracking.store import connect, experiment, safe_uri
-
-if TYPE_CHECKING:
-    from mlflow import MlflowClient
 
 log = logging.getLogger(__name__)
 RUN_FILE = "run.json"
@@ -60,7 +58,7 @@ class Tracker:
 class MlflowTracker(Tracker):
     """Sends metrics to one MLflow run."""
 
-    client: MlflowClient
+    client: RunStore
     card: RunCard
     run_id: str
     outbox: Outbox
@@ -73,7 +71,7 @@ class MlflowTracker(Tracker):
 
     def metrics(self, values: Mapping[str, float], step: int | None = None) -> None:
         """Buffer metrics. NaN and infinity are left out and named in the tag `not_finite`: MLflow garbles them."""
-        now, self._has_records = int(time.time() * 1000), True
+        now, self._has_records = _now(), True
         for name, value in values.items():
             number = float(value)
             if not math.isfinite(number):
@@ -123,7 +121,7 @@ class MlflowTracker(Tracker):
             self.outbox.put("tag", key="not_finite", value=", ".join(sorted(self._not_finite))[:VALUE_LIMIT])
         text = note_of(self.card, self._headline, self._paragraphs)[:VALUE_LIMIT]
         self.outbox.put("tag", key="mlflow.note.content", value=text)
-        self.outbox.put("end", status=status, end_time=int(time.time() * 1000))
+        self.outbox.put("end", status=status, end_time=_now())
         self.outbox.close()
 
 
@@ -191,54 +189,56 @@ def open_sweep(
     """
     store, client = connect(root, uri)
     tags = {"mlflow.runName": name, "stage": stage, "kind": "sweep", **provenance(root)}
-    run = client.create_run(experiment(client, store, stage), tags=tags, run_name=name)
+    place = experiment(client, store, stage)
+    run_id = client.create_run(place, name, tags)
     note = f"Parent of a sweep; its jobs are below.\n\n```\n{command}\n```"
-    client.set_tag(run.info.run_id, "mlflow.note.content", note[:VALUE_LIMIT])
+    client.set_tags(run_id, {"mlflow.note.content": note[:VALUE_LIMIT]})
 
     def close(status: str) -> None:
         try:
-            client.set_terminated(run.info.run_id, status)
+            client.set_status(run_id, status, _now())
             if status == "FINISHED":
                 return
-            mine = f"tags.`mlflow.parentRunId` = '{run.info.run_id}' and attributes.status = 'RUNNING'"
-            for job in client.search_runs([run.info.experiment_id], mine):
-                client.set_terminated(job.info.run_id, "KILLED")
+            for job in client.running_children(place, run_id):
+                client.set_status(job, "KILLED", _now())
         except Exception as error:  # the jobs have done their work
             reason = safe_uri(str(error).split("\n")[0][:200])
-            log.warning("MLflow did not take the end of the sweep %s: %s", run.info.run_id, reason)
+            log.warning("MLflow did not take the end of the sweep %s: %s", run_id, reason)
 
-    return run.info.run_id, close
+    return run_id, close
 
 
-def _resume(client: MlflowClient, card: RunCard, out: Path, store: str) -> str | None:
+def _resume(client: RunStore, card: RunCard, out: Path, store: str) -> str | None:
     """Id of the run that was killed or interrupted in `out` under the same configuration, if the store still has it."""
     try:
         record = json.loads((out / RUN_FILE).read_text(encoding="utf-8"))
         if record["config_hash"] != card.config_hash or record["store"] != safe_uri(store):
             return None
-        run = client.get_run(record["run_id"])
+        run_id = str(record["run_id"])
+        status = client.status(run_id)
     except Exception:  # missing, half-written or of another store: a new run is right
         return None
-    if run.info.status not in ("RUNNING", "KILLED") or run.info.lifecycle_stage != "active":
+    if status not in ("RUNNING", "KILLED"):
         return None
-    client.update_run(record["run_id"], status="RUNNING")
-    return str(record["run_id"])
-
-
-def _create(client: MlflowClient, card: RunCard, store: str) -> str:
-    tags = {"mlflow.parentRunId": card.parent} if card.parent else {}
-    run_id: str = client.create_run(experiment(client, store, card.stage), tags=tags, run_name=card.name).info.run_id
-    client.log_dict(run_id, dict(card.config), "config.yaml")
+    client.set_status(run_id, "RUNNING")
     return run_id
 
 
-def _describe(client: MlflowClient, card: RunCard, run_id: str, root: Path) -> None:
-    from mlflow.entities import Param, RunTag
+def _create(client: RunStore, card: RunCard, store: str) -> str:
+    tags = {"mlflow.parentRunId": card.parent} if card.parent else {}
+    run_id = client.create_run(experiment(client, store, card.stage), card.name, tags)
+    client.log_config(run_id, card.config)
+    return run_id
 
+
+def _describe(client: RunStore, card: RunCard, run_id: str, root: Path) -> None:
     about = {"stage": card.stage, "world": card.world, "method": card.method, "seed": str(card.seed)}
     about |= {"config_hash": card.config_hash, "command": card.command, "mlflow.note.content": note_of(card, {}, [])}
-    tags = [RunTag(key, value[:VALUE_LIMIT]) for key, value in (about | provenance(root)).items()]
-    params = [Param(key, value) for key, value in flatten(card.config).items()]
-    client.log_batch(run_id, tags=tags)
+    client.set_tags(run_id, {key: value[:VALUE_LIMIT] for key, value in (about | provenance(root)).items()})
+    params = list(flatten(card.config).items())
     for first in range(0, len(params), _PARAMS_PER_BATCH):
-        client.log_batch(run_id, params=params[first : first + _PARAMS_PER_BATCH])
+        client.log_params(run_id, dict(params[first : first + _PARAMS_PER_BATCH]))
+
+
+def _now() -> int:
+    return int(time.time() * 1000)

@@ -9,21 +9,20 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import TYPE_CHECKING
 from urllib.parse import quote, unquote
 
 from filelock import FileLock, Timeout
 
 from p2l.errors import TrackingError
-
-if TYPE_CHECKING:
-    from mlflow import MlflowClient
+from p2l.tracking.client import MlflowStore, RunStore
+from p2l.tracking.sqlite import REVISION, SqliteStore
 
 _LOCK_S = 120.0
 _PROBE = {  # the first contact fails in seconds; later calls keep MLflow's patience
     "MLFLOW_HTTP_REQUEST_MAX_RETRIES": "0",
     "MLFLOW_HTTP_REQUEST_TIMEOUT": "5",
 }
+_WORKSPACES = {"MLFLOW_ENABLE_WORKSPACES", "MLFLOW_WORKSPACE", "MLFLOW_WORKSPACE_STORE_URI"}  # left to MLflow
 _WAY_OUT = "Set MLFLOW_TRACKING_URI (or tracking.uri) to a store that works, or run with tracking.enabled=false."
 
 
@@ -37,15 +36,15 @@ def default_store(root: Path) -> str:
     return f"sqlite:///{quote(str(root.resolve() / 'mlflow.db'))}"
 
 
-def connect(root: Path, uri: str | None = None) -> tuple[str, MlflowClient]:
-    """A client of the store at `uri`, after a round trip to it.
+def connect(root: Path, uri: str | None = None) -> tuple[str, RunStore]:
+    """The store at `uri`, after a round trip to it; MLflow is not imported for a sqlite store whose tables are known.
 
     Args:
         root: the repository; its `mlflow.db` is the default store.
         uri: overrides `MLFLOW_TRACKING_URI`, which overrides the default.
 
     Returns:
-        the store's URI and the client.
+        the store's URI and the store.
 
     Raises:
         TrackingError: the store cannot be reached, or cannot be written.
@@ -60,6 +59,8 @@ def connect(root: Path, uri: str | None = None) -> tuple[str, MlflowClient]:
     os.environ.setdefault("MLFLOW_LOGGING_LEVEL", "WARNING")
     if (database := _database(store)) is not None:
         _make_tables(database)
+        if _revision(database) == REVISION and not _WORKSPACES & set(os.environ):
+            return store, SqliteStore(database)
     with _environment(_PROBE):
         try:
             from mlflow import MlflowClient
@@ -69,26 +70,23 @@ def connect(root: Path, uri: str | None = None) -> tuple[str, MlflowClient]:
         except Exception as error:  # requests, SQLAlchemy and MLflow each raise their own
             reason = safe_uri(str(error).strip().split("\n")[0][:160])
             raise TrackingError(f"MLflow at {safe_uri(store)} cannot be reached: {reason}. {_WAY_OUT}") from error
-    return store, client
+    return store, MlflowStore(client)
 
 
-def experiment(client: MlflowClient, store: str, name: str) -> str:
+def experiment(client: RunStore, store: str, name: str) -> str:
     """Id of the experiment `name`, created if need be; artifacts of a sqlite store lie beside its file."""
-    from mlflow.exceptions import MlflowException
-
     database = _database(store)
     place = (database.parent / "mlartifacts" / name).as_uri() if database else None
-    record = client.get_experiment_by_name(name)
-    if record is None:
-        try:
-            return str(client.create_experiment(name, artifact_location=place))
-        except MlflowException:  # another process was faster
-            record = client.get_experiment_by_name(name)
-    if record is None or record.lifecycle_stage != "active":
+    found = client.find_experiment(name)
+    if found is None:
+        if (made := client.create_experiment(name, place)) is not None:
+            return made
+        found = client.find_experiment(name)
+    if found is None or not found[1]:
         raise TrackingError(
             f"MLflow experiment '{name}' is deleted in {safe_uri(store)}; restore it or use another store"
         )
-    return str(record.experiment_id)
+    return found[0]
 
 
 def _database(store: str) -> Path | None:
@@ -107,7 +105,7 @@ def _make_tables(database: Path) -> None:
     """
     if not database.parent.is_dir():
         raise TrackingError(f"MLflow store {database}: no such folder {database.parent}. {_WAY_OUT}")
-    if _has_tables(database):
+    if _revision(database):
         _writable(database)
         return
     from mlflow import MlflowClient  # a second that nobody has to wait for with the lock
@@ -118,7 +116,7 @@ def _make_tables(database: Path) -> None:
         with FileLock(f"{database}.lock", timeout=_LOCK_S):
             if database.is_file():
                 _writable(database)
-            if _has_tables(database):
+            if _revision(database):
                 return
             if database.is_file() and database.stat().st_size:  # somebody else's, or from before stores were moved
                 _check_whole(database)
@@ -136,17 +134,19 @@ def _make_tables(database: Path) -> None:
         ) from error
 
 
-def _has_tables(database: Path) -> bool:
+def _revision(database: Path) -> str | None:
+    """Of the tables of a store; None where they are not all made."""
     if not database.is_file():
-        return False
+        return None
     try:
         connection = sqlite3.connect(f"{database.as_uri()}?mode=ro", uri=True, timeout=30.0)
         try:
-            return bool(connection.execute("SELECT version_num FROM alembic_version").fetchall())
+            row = connection.execute("SELECT version_num FROM alembic_version").fetchone()
         finally:
             connection.close()
     except sqlite3.Error:
-        return False
+        return None
+    return None if row is None else str(row[0])
 
 
 def _check_whole(database: Path) -> None:

@@ -34,6 +34,7 @@ REGIMES = {
 }
 BOARD = {"board": {"c_rob": 10, "c_hum": 100, "c_fail": 100, "c_demo": 300, "levels": [0]}}
 TABLES = {
+    "objective",
     *("walls", "transfer_model", "figure_3_7", "table_3_1", "table_3_2", "figure_3_10", "figure_3_10_insertion"),
     *("order_any", "prediction_price", "nominal", "failure_modes"),
 }

@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from p2l.errors import ArtifactError, InputError
 from p2l.evaluation.team.look import amount
-from p2l.evaluation.team.page import cost_without_lessons, plan_page, write_page
+from p2l.evaluation.team.page import PageContent, check_page, cost_without_lessons, plan_page, write_page
 from p2l.team.shop import Ruling, plan_shop
 from p2l.text import drawable
 from tests.evaluation.team.shop_instances import day
@@ -56,8 +57,8 @@ class Page(HTMLParser):
         return self.tables[0][1:]
 
 
-def page_of(shop, plan=None, reasons=(), remarks=(), png=None, title="Monday", **more):
-    return plan_page(shop, plan or plan_shop(shop), reasons, remarks, png, title, **more)
+def page_of(shop, plan=None, title="Monday", **more):
+    return plan_page(PageContent(shop, plan or plan_shop(shop), title, **more))
 
 
 def test_the_page_has_every_task_once_in_order_with_its_numbers():
@@ -129,7 +130,8 @@ def test_names_are_escaped_and_nothing_runs_or_is_fetched(tmp_path):
     reasons = [{"lesson": bad, "robot": bad, "serves": [bad], "c_demo": bad}]
     png = b"\x89PNG and the rest"
     plan = plan_shop(shop)
-    write_page(tmp_path / "plan.html", shop, plan, reasons, [bad], png, bad, break_even=reasons)
+    content = PageContent(shop, plan, bad, reasons, reasons, remarks=[bad], figure_png=png)
+    write_page(tmp_path / "plan.html", content)
     text = (tmp_path / "plan.html").read_text(encoding="utf-8")
     page = Page(text)
     assert {tag for tag, _ in page.elements}.isdisjoint({"script", "iframe", "object", "link", "base", "form"})
@@ -174,3 +176,25 @@ def test_a_page_of_a_thousand_tasks_leaves_long_inputs_out():
 ])  # fmt: skip
 def test_amounts_are_short_and_keep_three_digits(value, text):
     assert amount(value) == text
+
+
+def test_a_page_of_another_cost_or_day_is_refused(tmp_path):
+    shop = day(5, counts=2)
+    plan, path = plan_shop(shop), tmp_path / "plan.html"
+    assert not check_page(path, shop, plan)
+    write_page(path, PageContent(shop, plan, "Monday", remarks=["Anything."]))
+    text = path.read_text(encoding="utf-8")
+    assert check_page(path, shop, plan)
+    total = f"<b>{plan.objective:,.1f}</b>"
+    for old, new, what in (
+        (total, "<b>1.0</b>", "cost"),
+        (">attempt<", ">lesson<", "day"),
+        ("optimal", "fair", "cost"),
+    ):
+        assert old in text
+        path.write_text(text.replace(old, new, 1), encoding="utf-8")
+        with pytest.raises(InputError, match=f"does not show the {what} of this plan"):
+            check_page(path, shop, plan)
+    path.write_bytes(b"\xff\xfe")
+    with pytest.raises(ArtifactError):
+        check_page(path, shop, plan)

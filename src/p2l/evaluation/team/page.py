@@ -9,13 +9,14 @@ from __future__ import annotations
 import base64
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from p2l.artifacts import write_text
+from p2l.errors import ArtifactError, InputError
 from p2l.evaluation.team.look import ORDER, UNIT, amount, limits
 from p2l.evaluation.team.page_inputs import inputs
 from p2l.evaluation.team.page_parts import NONE, STYLE, Column, cell, facts, header, listing, name, names, table, word
@@ -39,72 +40,63 @@ _BREAK_EVEN = (
 )  # fmt: skip
 
 
-def write_page(
-    path: Path | str,
-    shop: Shop,
-    plan: ShopPlan,
-    reasons_rows: Sequence[Mapping[str, Any]],
-    remarks: Sequence[str],
-    figure_png_bytes: bytes | None,
-    title: str,
-    *,
-    break_even: Sequence[Mapping[str, Any]] = (),
-    without_lessons: float | None = None,
-) -> None:
-    """Write the page of a plan, atomically; see `plan_page`.
+@dataclass(frozen=True)
+class PageContent:
+    """What the page of a plan shows.
 
-    Raises:
-        ArtifactError: the file cannot be written.
-    """
-    page = plan_page(
-        shop, plan, reasons_rows, remarks, figure_png_bytes, title,
-        break_even=break_even, without_lessons=without_lessons,
-    )  # fmt: skip
-    write_text(path, page)
-
-
-def plan_page(
-    shop: Shop,
-    plan: ShopPlan,
-    reasons_rows: Sequence[Mapping[str, Any]],
-    remarks: Sequence[str],
-    figure_png_bytes: bytes | None,
-    title: str,
-    *,
-    break_even: Sequence[Mapping[str, Any]] = (),
-    without_lessons: float | None = None,
-) -> str:
-    """The page of a plan, as HTML.
-
-    Args:
+    Attributes:
         shop: the day.
         plan: its plan.
-        reasons_rows: why each lesson pays, a row for each lesson and robot: `lesson` and `robot` (names), `c_demo`,
+        title: heading.
+        reasons: why each lesson pays, a row for each lesson and robot: `lesson` and `robot` (names), `c_demo`,
             `serves` (names of tasks, or a text), `saving_resolved`, `saving_others_fixed`, `stays_up_to`. What is
             missing or None is shown as a dash.
-        remarks: what was assumed, a sentence each.
-        figure_png_bytes: the figure as PNG; None for none, since the table has bars of its own.
-        title: heading.
         break_even: lessons that are not given, the best first: `lesson`, `robot`, `c_demo`, and `pays_below`, the
             cost below which the lesson would pay.
         without_lessons: optimum without any lesson, infinite if there is none; if it is not known, the cost of this
             plan without its lessons, those that are demanded included.
+        remarks: what was assumed, a sentence each.
+        figure_png: the figure; None for none, since the table has bars of its own.
     """
+
+    shop: Shop
+    plan: ShopPlan
+    title: str
+    reasons: Sequence[Mapping[str, Any]] = ()
+    break_even: Sequence[Mapping[str, Any]] = ()
+    without_lessons: float | None = None
+    remarks: Sequence[str] = ()
+    figure_png: bytes | None = None
+
+
+def write_page(path: Path | str, content: PageContent) -> None:
+    """Write the page of a plan, atomically.
+
+    Raises:
+        ArtifactError: the file cannot be written.
+    """
+    write_text(path, plan_page(content))
+
+
+def plan_page(content: PageContent) -> str:
+    """The page of a plan, as HTML."""
+    shop, plan = content.shop, content.plan
     rows = plan_rows(shop, plan)
-    heading = word(title) or "Plan"
+    heading = word(content.title) or "Plan"
     figure = ""
-    if figure_png_bytes is not None:
-        data = base64.b64encode(figure_png_bytes).decode("ascii")
+    if content.figure_png is not None:
+        data = base64.b64encode(content.figure_png).decode("ascii")
         figure = (
             f'<figure><img src="data:image/png;base64,{data}" alt="The plan as a picture: arcs lead from each lesson '
             'to the tasks that it serves; bars are expected costs. The table below has the same."></figure>'
         )
+    alone = cost_without_lessons(shop, plan) if content.without_lessons is None else content.without_lessons
     sections = [
-        _headline(shop, plan, rows, cost_without_lessons(shop, plan) if without_lessons is None else without_lessons),
+        _headline(shop, plan, rows, alone),
         figure,
         _section("The day, in order", _day(shop, rows)),
-        _section("Lessons, and why they pay", _lessons(shop, plan, reasons_rows, break_even)),
-        _section("What was assumed", listing(word(remark) for remark in remarks)) if remarks else "",
+        _section("Lessons, and why they pay", _lessons(shop, plan, content.reasons, content.break_even)),
+        _section("What was assumed", listing(word(each) for each in content.remarks)) if content.remarks else "",
         _section("Limits and inputs", inputs(shop)),
     ]
     return (
@@ -114,6 +106,29 @@ def plan_page(
         f"<title>{heading}</title>\n<style>{STYLE}</style>\n</head>\n<body>\n<main>\n"
         f'<h1 dir="auto">{heading}</h1>\n' + "\n".join(filter(None, sections)) + "\n</main>\n</body>\n</html>\n"
     )
+
+
+def check_page(path: Path | str, shop: Shop, plan: ShopPlan) -> bool:
+    """Whether there is a page at all; where there is, it has to show the plan's cost, proof and table of the day.
+
+    Its reasons, notes and inputs are not looked at.
+
+    Raises:
+        ArtifactError: the page cannot be read.
+        InputError: it shows another cost or day.
+    """
+    page = Path(path)
+    if not page.exists():
+        return False
+    try:
+        text = page.read_bytes().decode()
+    except (OSError, UnicodeDecodeError) as error:
+        raise ArtifactError(f"{page}: cannot be read as the page of a plan ({error}); plan again") from error
+    rows = plan_rows(shop, plan)
+    for what, part in (("cost", _total(plan)), ("day", _day(shop, rows))):
+        if part not in text:
+            raise InputError.at(page, None, None, f"does not show the {what} of this plan; plan again")
+    return True
 
 
 def cost_without_lessons(shop: Shop, plan: ShopPlan) -> float:
@@ -139,13 +154,17 @@ def _headline(shop: Shop, plan: ShopPlan, rows: Sequence[PlanRow], alone: float)
         Decision.LEARN: f"lesson{_s(number[Decision.LEARN])}",
     }
     items = "".join(f'<li class="{kind.name.lower()}"><b>{number[kind]:,}</b> {text[kind]}</li>' for kind in Decision)
-    proof = proof_text(plan.status, plan.objective, plan.lower_bound)
     given = limits(shop)
     return (
-        f'<section class="headline">\n<p class="total"><b>{amount(plan.objective)}</b> expected cost, {proof}</p>\n'
+        f'<section class="headline">\n{_total(plan)}\n'
         f"<p>{lessons} All costs are in the {UNIT}.{' Limits: ' + ', '.join(given) + '.' if given else ''}</p>\n"
         f'<ul class="counts">{items}</ul>\n</section>'
     )
+
+
+def _total(plan: ShopPlan) -> str:
+    proof = proof_text(plan.status, plan.objective, plan.lower_bound)
+    return f'<p class="total"><b>{amount(plan.objective)}</b> expected cost, {proof}</p>'
 
 
 def _day(shop: Shop, rows: Sequence[PlanRow]) -> str:

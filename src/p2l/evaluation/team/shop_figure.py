@@ -25,7 +25,7 @@ from matplotlib.ticker import MaxNLocator
 from p2l.artifacts import atomic
 from p2l.evaluation.fonts import Fonts, fonts_for
 from p2l.evaluation.team.look import COLOURS, MEANING, ORDER, UNIT, amount, limits
-from p2l.evaluation.team.plan import ARC_COLOURS, NAME_LIMIT, arc, failure_style
+from p2l.evaluation.team.marks import ARC_COLOURS, NAME_LIMIT, arc, failure_style
 from p2l.records import Array
 from p2l.team.plan_files import proof_text
 from p2l.team.problem import Decision

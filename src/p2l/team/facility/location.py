@@ -2,8 +2,8 @@
 
 The number of useful pairs alone decides who solves an instance, so that it goes the same way in every process: HiGHS
 takes the linear relaxation of the small ones, which is often integral and is there sooner than the compiled kernels are
-loaded; the large-scale route takes all others. What the solution costs and what is proven is recomputed by
-`p2l.team.certificate`, and nothing else is reported.
+loaded, and branches on it in the tiny ones; the large-scale route takes all others. What the solution costs and what is
+proven is recomputed by `p2l.team.certificate`, and nothing else is reported.
 """
 
 from __future__ import annotations
@@ -25,6 +25,9 @@ from p2l.team.loading import loaded
 from p2l.team.problem import Certificate, FacilitySolution, relative_gap
 
 FEW_PAIRS = 1_000  # up to so many HiGHS takes at most 0.35 s; the kernels load in 0.45 s, once per process
+# Demands up to which HiGHS also branches, if nothing else is said: fewer than the studies' sets, whose answers stay as
+# they are where several are equal. And the relaxations that this may take, of a millisecond each.
+TINY, _CASES = 8, 60
 _FINISH = 0.2  # share of the time limit, at most, that is left for the check of what was found
 
 
@@ -95,6 +98,7 @@ def solve_small_or_large(
     *,
     whole_numbers: bool = False,
     few: int | None = None,
+    tiny: int = TINY,
     multipliers: Array | None = None,
     open_set: BoolArray | None = None,
     counting: bool = False,
@@ -107,12 +111,13 @@ def solve_small_or_large(
         gap: relative gap that is good enough.
         whole_numbers: all costs are.
         few: largest number of pairs for HiGHS; `FEW_PAIRS` if none.
+        tiny: largest number of demands with which HiGHS branches.
         multipliers: [D] where the large-scale route begins, such as those of an instance much like this one.
         open_set: [F] a solution that is known already.
         counting: whether the proof may have cases of how many facilities are open.
     """
     if len(pairs.cost) <= (FEW_PAIRS if few is None else few):
-        from p2l.team.facility.program import solve_program
+        from p2l.team.facility.program import solve_in_cases, solve_program
 
         seconds_left = max(1e-3, deadline - time.perf_counter())
         program = solve_program(pairs, time_limit_s=seconds_left, gap=gap, only_relaxation=True)
@@ -121,6 +126,10 @@ def solve_small_or_large(
             cost = solution_cost(pairs, open_set)
             if lagrangian(pairs, multipliers) >= cost * (1.0 - max(gap, 0.5 * PROVEN)):
                 return PairsSolution(open_set, cost, True, Certificate.of(multipliers))
+        if pairs.demands <= tiny and len(pairs.cost):
+            solution = solve_in_cases(pairs, deadline=deadline, gap=gap, most=_CASES)
+            if solution is not None:
+                return solution
     try:
         solve_pairs = loaded(large_scale, deadline).solve_pairs
     except TimeoutError:

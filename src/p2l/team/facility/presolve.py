@@ -67,9 +67,14 @@ def solution_cost(pairs: Pairs, open_set: BoolArray) -> float:
 
 def lagrangian(pairs: Pairs, multipliers: Array) -> float:
     """L(v) as a solver sees it, multipliers [D]; what is reported is `p2l.team.certificate`'s."""
+    return float(multipliers.sum() + np.minimum(0.0, reduced_costs(pairs, multipliers)).sum())
+
+
+def reduced_costs(pairs: Pairs, multipliers: Array) -> Array:
+    """[F] f_j - Σ_i (v_i - c_ij)⁺ at multipliers [D]."""
     saving = np.zeros(pairs.facilities)
     np.add.at(saving, pairs.facility, np.maximum(multipliers[pairs.rows()] - pairs.cost, 0.0))
-    return float(multipliers.sum() + np.minimum(0.0, pairs.opening - saving).sum())
+    return np.asarray(pairs.opening - saving)
 
 
 def _alone(pairs: Pairs) -> BoolArray:

@@ -2,22 +2,27 @@
 
 Columns: one variable per facility, then one per pair. The outside option is folded into the objective: a pair earns
 c_ij - b_i on top of the constant Σ b_i, and its demand's row is Σ_j x_ij <= 1. The linear relaxation is solved first:
-it is often integral, and its duals are the multipliers of the certificate.
+it is often integral, and its duals are the multipliers of the certificate. Where it is not, a few cases often suffice
+(`solve_in_cases`), each with its own duals: the certificate is their tree.
 """
 
 from __future__ import annotations
 
+import heapq
 import math
 import time
 from dataclasses import dataclass
 
 import highspy
 import numpy as np
+import numpy.typing as npt
 
 from p2l.errors import SolverError
 from p2l.records import Array, BoolArray, IntArray
-from p2l.team.facility.pairs import Pairs
-from p2l.team.facility.presolve import presolve
+from p2l.team.certificate import PROVEN
+from p2l.team.facility.pairs import Pairs, PairsSolution
+from p2l.team.facility.presolve import presolve, reduced_costs, solution_cost
+from p2l.team.facility.tree import Tree
 
 _INTEGRAL = 1e-7  # how far from a whole number a facility's opening may be
 _TOLERANCE = 1e-10  # HiGHS's smallest; costs are scaled to what the solution costs
@@ -76,6 +81,57 @@ def solve_program(
     return _integer(lp, pairs, multipliers, deadline, gap)
 
 
+def solve_in_cases(pairs: Pairs, *, deadline: float, gap: float, most: int) -> PairsSolution | None:
+    """Branch on the relaxation, the case with the lowest bound first; for instances so small that it takes no time.
+
+    Args:
+        pairs: the instance.
+        deadline: of `time.perf_counter`.
+        gap: relative gap that is good enough.
+        most: relaxations that may be solved; the same instance then ends the same way on every machine.
+
+    Returns:
+        An optimal solution with its proof, or None where `most` or the time does not suffice.
+
+    Raises:
+        SolverError: HiGHS ends in a way that is neither a solution nor the time limit.
+    """
+    small, scale, best = presolve(pairs)
+    lp, factor = relaxation(small)
+    highs = _solver(lp, max(1e-3, deadline - time.perf_counter()), 0.0)
+    upper, tree = solution_cost(small, best), Tree(np.zeros(pairs.demands), pairs.facilities)
+    waiting = [(-math.inf, 0, np.zeros(pairs.facilities, dtype=np.int8))]
+    share_of_best = 1.0 - max(gap, 0.5 * PROVEN)
+    while waiting and waiting[0][0] < upper * share_of_best:
+        low, node, state = heapq.heappop(waiting)
+        most -= 1
+        if most < 0 or time.perf_counter() > deadline or not _run(highs, _decided(state)):
+            return None
+        share = np.asarray(highs.getSolution().col_value[: pairs.facilities])
+        duals = np.asarray(highs.getSolution().row_dual[: pairs.demands])
+        v = np.minimum(small.outside + duals / factor, small.outside)
+        tree.price(node, v)
+        reduced_cost = reduced_costs(small, v)
+        used = (state > 0) | ((state == 0) & (reduced_cost < 0.0))
+        low = max(low, float(v.sum() + reduced_cost[used].sum()))
+        if (cost := solution_cost(small, share > 0.5)) < upper:
+            best, upper = share > 0.5, cost
+        free = np.flatnonzero(state == 0)
+        if low < upper * share_of_best and free.size:
+            facility = int(free[np.abs(share[free] - 0.5).argmin()])
+            for side in (1, -1):
+                case = state.copy()
+                case[facility] = side
+                heapq.heappush(waiting, (low, tree.child(node, facility, is_open=side > 0), case))
+    proof = tree.certificate(upper * share_of_best, scale)
+    return PairsSolution(best, solution_cost(pairs, best), True, proof)
+
+
+def _decided(state: npt.NDArray[np.int8]) -> tuple[Array, Array]:
+    """[F] least and most of each facility's opening: 1 is open, -1 closed, 0 either."""
+    return (state > 0).astype(np.float64), (state >= 0).astype(np.float64)
+
+
 def _integer(lp: highspy.HighsLp, pairs: Pairs, multipliers: Array, deadline: float, gap: float) -> ProgramSolution:
     """Branch, in a new solver: one that has solved the relaxation already overruns its time limit by seconds."""
     services, kinds = lp.num_col_ - pairs.facilities, highspy.HighsVarType
@@ -97,8 +153,11 @@ def _solver(lp: highspy.HighsLp, time_limit_s: float, gap: float) -> highspy.Hig
     return highs
 
 
-def _run(highs: highspy.Highs) -> bool:
-    """Run HiGHS; True when it ends by itself, False at the time limit."""
+def _run(highs: highspy.Highs, bounds: tuple[Array, Array] | None = None) -> bool:
+    """Run HiGHS, its first columns within `bounds`; True when it ends by itself, False at the time limit."""
+    if bounds is not None:
+        columns = np.arange(len(bounds[0]), dtype=np.int32)
+        highs.changeColsBounds(len(columns), columns, *bounds)
     highs.run()
     status = highs.getModelStatus()
     if status not in _COMPLETE + _AT_LIMIT:

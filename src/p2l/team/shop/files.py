@@ -20,10 +20,12 @@ from p2l.team.shop.explain import tasks_of
 from p2l.team.shop.reasons import Reasons
 from p2l.team.shop.record import SHOP_ORDERS, Shop, ShopCertificate, ShopPlan
 from p2l.team.shop.rows import plan_rows
+from p2l.team.shop.saved import SHOP
 from p2l.text import guarded_cell
 
 TABLE, SUMMARY, PROOF, REASONS = "plan.csv", "plan.json", "certificate.npz", "reasons.csv"
-FILES = (TABLE, SUMMARY, PROOF, REASONS, "plan.png", "plan.html")
+FILES = (TABLE, SUMMARY, PROOF, REASONS, SHOP, "plan.png", "plan.html")
+WITHOUT, UNKNOWN = "without_lessons", "unknown_reasons"  # keys of plan.json
 _FIRST, _LAST = ["order", "task"], ["skill", "p_success", "expected_cost"]
 _GROUPS = {"taught": np.int64, "sequence": np.int64, "decision": np.int64, "robot": np.int64, "lesson": np.int64,
            "p_success": np.float64, "expected_cost": np.float64}  # fmt: skip
@@ -31,10 +33,10 @@ _PARTS = ("multipliers", "row", "parent", "facility", "is_open", "prices")
 
 
 def check_shop_place(folder: Path | str, inputs: Sequence[Path] = (), files: Sequence[str] = FILES) -> None:
-    """Refuse a folder in which a plan would take the place of a file that is no plan of ours.
+    """Refuse a folder in which a plan would take the place of what it is made from, such as an earlier plan.
 
     Raises:
-        ArtifactError: `folder` is a file, an input would be overwritten, or there is a `plan.csv` that is no plan.
+        ArtifactError: `folder` is a file, or an input would be overwritten.
     """
     place = Path(folder)
     if place.is_file():
@@ -42,17 +44,6 @@ def check_shop_place(folder: Path | str, inputs: Sequence[Path] = (), files: Seq
     for path in (place / name for name in files if (place / name).exists()):
         if any(each.exists() and each.samefile(path) for each in inputs):
             raise ArtifactError(f"{path}: is an input, and the plan would overwrite it; name another folder")
-    try:
-        with (place / TABLE).open(encoding="utf-8", errors="replace") as stream:
-            head = stream.readline().strip().split(",")
-    except OSError:  # there is none, or it will be told when it is written
-        if others := [name for name in files if (place / name).exists()]:
-            raise ArtifactError(
-                f"{place / others[0]}: is there already, without a plan of ours beside it; name another folder"
-            ) from None
-        return
-    if head != [""] and not (head[:2] == _FIRST and set(_LAST) <= set(head)):
-        raise ArtifactError(f"{place / TABLE}: is there already, and no plan of ours; name another folder")
 
 
 def of_plan(plan: Plan) -> ShopPlan:
@@ -131,7 +122,8 @@ def write_shop_plan(
         "lower_bound": finite(plan.lower_bound),
         "gap": finite(plan.gap),
         "seconds": finite(plan.seconds),
-        "without_lessons": finite(reasons.alone),
+        WITHOUT: finite(reasons.alone),
+        UNKNOWN: reasons.unknown + math.isnan(reasons.alone),
         "remarks": list(remarks),
         **_summed_up(shop, plan),
         "groups": {name: getattr(plan, name).tolist() for name in _GROUPS},

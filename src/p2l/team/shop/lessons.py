@@ -22,6 +22,7 @@ from p2l.text import guarded_cell
 
 _PAIR = ("taught", "tested")
 _MEANS = ("p", "probability", "mean")
+_COMPARED = 20_000  # pairs of names, in about 0.1 s; a table of so many others is a catalogue
 COUNTS = ("successes", "attempts")
 
 
@@ -45,6 +46,15 @@ class TransferTable:
     def name(self) -> str:
         """Of the file."""
         return "the transfer table" if self.sheet is None else Path(self.sheet.name).name
+
+    @property
+    def tested(self) -> tuple[str, ...]:
+        """Tasks that it has columns or rows for, as written."""
+        if self.sheet is None:
+            return ()
+        if "tested" in self.at:
+            return tuple(dict.fromkeys(cells[self.at["tested"]] for _, cells in self.sheet.rows))
+        return tuple(name for at, name in enumerate(self.sheet.header) if at not in (0, self.at.get("c_demo")))
 
 
 def open_table(sheet: Sheet | None, orders: Orders) -> TransferTable:
@@ -70,6 +80,25 @@ def open_table(sheet: Sheet | None, orders: Orders) -> TransferTable:
         lines = (line for line, _ in sheet.rows)
         distinct_names(sheet, zip(lines, taught, strict=True), column, "taught task")
     return TransferTable(sheet, at, taught, _costs(sheet, at.get("c_demo"), taught, orders))
+
+
+def misspelt(table: TransferTable, tasks: tuple[str, ...]) -> tuple[str, ...]:
+    """Hints: names that are no task of today, and much like one that the table has no row, or no column, for.
+
+    Args:
+        table: of transfer.
+        tasks: names as the orders have them.
+    """
+    known, hints = set(tasks), []
+    for given in (table.taught, table.tested):
+        names = dict.fromkeys(as_ordered(given, tasks).values())
+        lost, others = [task for task in tasks if task not in names], [name for name in names if name not in known]
+        if len(lost) * len(others) > _COMPARED:
+            continue
+        for name in others:
+            if close := difflib.get_close_matches(name, lost, n=1, cutoff=ALIKE):
+                hints.append(f"'{name}' is no task of the orders; is it '{close[0]}'?")
+    return tuple(dict.fromkeys(hints))
 
 
 def names_of(sheet: Sheet, place: int, what: str, tasks: tuple[str, ...]) -> tuple[str, ...]:

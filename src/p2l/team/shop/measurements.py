@@ -14,6 +14,7 @@ from p2l.team.columns import likeness, probabilities
 from p2l.team.sheets import Sheet, number, whole_number
 from p2l.team.shop.lessons import COUNTS, TransferTable, as_ordered, names_of
 
+_DIGITS = 9  # of a number of trials
 ABSENT = frozenset(("", "-", "–", "—", "na", "n/a", "#n/a"))
 
 
@@ -25,11 +26,15 @@ class Measured:
         general: [L, n] of any robot.
         own: [L, n] of the robots that have rows of their own.
         remarks: what was assumed.
+        trials: [L, n] attempts behind the general ones, 0 where nobody has counted any.
+        own_trials: [L, n] of the robots that have rows of their own.
     """
 
     general: Array
     own: Mapping[int, Array]
     remarks: tuple[str, ...]
+    trials: Array
+    own_trials: Mapping[int, Array]
 
 
 def read_probabilities(
@@ -47,10 +52,12 @@ def read_probabilities(
         InputError: a cell that is no probability; a robot that is none of `robots`.
     """
     if table.sheet is None:
-        return Measured(np.full((len(lessons), len(tasks)), np.nan), {}, ())
+        shape = len(lessons), len(tasks)
+        return Measured(np.full(shape, np.nan), {}, (), np.zeros(shape), {})
     if "taught" in table.at:
         return _long(table, table.sheet, lessons, tasks, robots)
-    return Measured(_wide(table, table.sheet, lessons, tasks), {}, ())
+    values = _wide(table, table.sheet, lessons, tasks)
+    return Measured(values, {}, (), np.zeros(values.shape), {})
 
 
 def _wide(table: TransferTable, sheet: Sheet, lessons: tuple[str, ...], tasks: tuple[str, ...]) -> Array:
@@ -93,20 +100,34 @@ def _long(
     robot = _robots(sheet, at.get("robot"), used, robots)
     pair = np.array([of_lesson[table.taught[row]] * len(tasks) + of_task[tested[row]] for row in used], dtype=np.int64)
     share, weight = _measurements(sheet, at, used)
+    attempts = _attempts(sheet, at, used, weight)
     is_known = ~np.isnan(share) & (weight > 0.0)
     remarks: list[str] = []
     means: dict[int, Array] = {}
+    trials: dict[int, Array] = {}
     for each in sorted({-1, *map(int, robot)}):
         mine = is_known & (robot == each)
         means[each], is_pooled = _pooled(pair[mine], share[mine], weight[mine], len(lessons) * len(tasks))
+        trials[each] = np.bincount(pair[mine], attempts[mine], len(lessons) * len(tasks)).astype(np.float64)
         if is_pooled.any():
             whose = f" of robot '{robots[each]}'" if each >= 0 else ""
             how = ", weighted by n" if "n" in at else ", all successes by all attempts" if "p" not in at else ""
             remarks.append(
                 f"{is_pooled.sum()} of the pairs{whose} are in {table.name} more than once; their mean is taken{how}"
             )
-    shaped = {each: mean.reshape(len(lessons), len(tasks)) for each, mean in means.items()}
-    return Measured(shaped.pop(-1), shaped, tuple(remarks))
+    shape = len(lessons), len(tasks)
+    shaped, counts = ({each: row.reshape(shape) for each, row in rows.items()} for rows in (means, trials))
+    return Measured(shaped.pop(-1), shaped, tuple(remarks), counts.pop(-1), counts)
+
+
+def _attempts(sheet: Sheet, at: Mapping[str, int], used: Sequence[int], weight: Array) -> Array:
+    """Attempts behind each row: `n`, or all that were counted, or whole numbers in `predict_transfer`'s `trials`."""
+    if "p" not in at or "n" in at:
+        return weight
+    if not (place := sheet.columns(("trials",))):
+        return np.zeros(len(used))
+    cells = [sheet.rows[row][1][place["trials"]] for row in used]  # a column that may be a person's own
+    return np.array([float(cell) if cell.isdecimal() and len(cell) <= _DIGITS else 0.0 for cell in cells])
 
 
 def _robots(sheet: Sheet, place: int | None, used: Sequence[int], robots: tuple[str, ...]) -> IntArray:

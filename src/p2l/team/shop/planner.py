@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 
 import numpy as np
 
-from p2l.errors import ConfigError, SolverError
-from p2l.records import BoolArray, IntArray
+from p2l.errors import ConfigError, ShapeError, SolverError
+from p2l.records import Array, BoolArray, IntArray
 from p2l.team.certificate import PROVEN
 from p2l.team.contract import check_stopping
 from p2l.team.problem import Status, relative_gap
 from p2l.team.shop.certificate import shop_bound
+from p2l.team.shop.circle import sequence_of
+from p2l.team.shop.fallback import cheapest_conceivable, quick_choices
+from p2l.team.shop.faults import fault_of
 from p2l.team.shop.outcome import ShopOutcome, shop_outcome
 from p2l.team.shop.record import Shop, ShopCertificate, ShopPlan
 from p2l.team.shop.reduction import Reduction, reduce_shop
@@ -53,10 +58,11 @@ def plan_shop(shop: Shop, *, time_limit_s: float = 60.0, gap: float = 0.0) -> Sh
     best = search.best
     if best is None:
         if complete:
-            raise ConfigError("no plan keeps the limits and the decisions that are made; loosen one of them")
+            fault = fault_of(shop, lambda other: _has_plan(other, start + limit_s))
+            raise ConfigError(f"no plan keeps the limits and the decisions that are made: {fault}; loosen one of them")
         raise SolverError("no plan was found in time; give more time, or loosen a limit")
-    proof = search.proof()
-    bound = min(best.outcome.total, shop_bound(shop, proof))
+    proof, proven = search.proven()
+    bound = min(best.outcome.total, proven)
     relative = relative_gap(best.outcome.total, bound)
     status: Status = "optimal" if relative <= PROVEN else "feasible" if complete else "time_limit"
     outcome = best.outcome
@@ -66,6 +72,12 @@ def plan_shop(shop: Shop, *, time_limit_s: float = 60.0, gap: float = 0.0) -> Sh
         objective=outcome.total, lower_bound=bound, gap=relative, seconds=time.perf_counter() - start,
         certificate=proof,
     )  # fmt: skip
+
+
+def _has_plan(shop: Shop, deadline: float) -> bool:
+    """Whether a shop has a plan, as far as can be known by the deadline."""
+    search = _ShopSearch(shop, deadline, 0.5)
+    return search.best is not None if search.run() else True
 
 
 @dataclass(frozen=True)
@@ -82,13 +94,26 @@ class _Found:
 
 
 class _ShopSearch(OrderSearch[_Found]):
-    def reduce(self, dropped: BoolArray | None) -> Reduction:
-        return reduce_shop(self.shop, dropped)
+    def reduce(self, dropped: BoolArray | None, deadline: float) -> Reduction:
+        return reduce_shop(self.shop, dropped, deadline=deadline)
 
     def bound(self, proof: ShopCertificate) -> float:
         return shop_bound(self.shop, proof)
 
+    def quick(self) -> Iterator[_Found]:
+        for number, taught in enumerate(quick_choices(self.shop)):
+            if number == 2 and self.best is not None:
+                return  # the last resort takes longest
+            with suppress(ShapeError):  # more than the limits allow
+                yield self._plan(taught, sequence_of(self.shop, taught))
+
+    def conceivable(self) -> Array:
+        return cheapest_conceivable(self.shop)
+
     def found(self, reduction: Reduction, open_set: BoolArray, taught: IntArray, sequence: IntArray) -> _Found:  # noqa: ARG002
+        return self._plan(taught, sequence)
+
+    def _plan(self, taught: IntArray, sequence: IntArray) -> _Found:
         outcome = shop_outcome(self.shop, taught, sequence)
         used = np.zeros(len(taught), dtype=bool)
         for place, (lesson, robot) in enumerate(taught.tolist()):

@@ -15,15 +15,15 @@ import numpy as np
 
 from p2l.errors import ConfigError, InputError, ShapeError
 from p2l.records import Array, BoolArray, IntArray, freeze
-from p2l.team.columns import likeness
 from p2l.team.sheets import Sheet, check_standard_input, read_sheet
-from p2l.team.shop.lessons import TransferTable, open_table
+from p2l.team.shop.lessons import TransferTable, misspelt, open_table
 from p2l.team.shop.measurements import Measured, read_probabilities
 from p2l.team.shop.orders import Orders, listed, read_orders
 from p2l.team.shop.possible import lessons_to_give, refuse_impossible
 from p2l.team.shop.record import SHOP_ORDERS, Ruling, Shop, ShopOrder
 from p2l.team.shop.reduction import too_late
 from p2l.team.shop.robots import Robots, read_before, read_robots
+from p2l.team.shop.saved import SavedShop
 
 Filling = Callable[[tuple[str, ...], tuple[str, ...]], Array]
 
@@ -37,12 +37,19 @@ class ShopReading:
         remarks: what was assumed, a sentence each.
         extra: columns of the orders that are not ours: n cells of each, by its name as written.
         family: [n] family of each task, '' where it has none; None if the orders have no such column.
+        trials: [R, L, n] attempts behind each transfer probability, 0 where nobody has counted any.
     """
 
     shop: Shop
     remarks: tuple[str, ...]
     extra: Mapping[str, tuple[str, ...]]
     family: tuple[str, ...] | None
+    trials: Array
+
+    @property
+    def saved(self) -> SavedShop:
+        """What a day needs of it."""
+        return SavedShop(self.shop, self.trials, self.extra)
 
 
 def read_shop(
@@ -158,11 +165,13 @@ def shop_of_orders(
     shop = replace(shop, transfer=_scaled(shop, values, measured, team, today))
     if measured.own and (team.skill < 1.0).any():
         remarks += ("skill lowers what is measured with no robot in particular; rows of a robot are taken as they are",)
+    hints = (f"in {table.name}, {hint}" for hint in misspelt(table, today.tasks))
     return ShopReading(
         shop=shop,
-        remarks=(*today.remarks, *team.remarks, *remarks, *measured.remarks, *gaps),
+        remarks=(*today.remarks, *team.remarks, *remarks, *measured.remarks, *gaps, *hints),
         extra=today.extra,
         family=today.family,
+        trials=_trials(shop, measured),
     )
 
 
@@ -172,6 +181,8 @@ def _check_settings(order: str, max_lessons: float, max_teaching: float, fill: f
     for name, value in (("max_lessons", max_lessons), ("max_teaching", max_teaching)):
         if not value >= 0.0:
             raise ConfigError(f"{name}: {value} given; expected a number of at least 0")
+    if math.isfinite(max_lessons) and max_lessons != math.floor(max_lessons):
+        raise ConfigError(f"max_lessons: {max_lessons} given; expected a whole number")
     if fill is not None and not 0.0 <= fill <= 1.0:
         raise ConfigError(f"fill: {fill} given; expected a probability in [0, 1]")
 
@@ -229,11 +240,9 @@ def _default(
         k, i = np.argwhere(gap)[0].tolist()
         lesson, task = shop.lessons[k], shop.tasks[i]
         first = "that of" if gap.sum() == 1 else "the first of which is"
-        others = [] if lesson in table.c_demo else [each for each in table.c_demo if each not in shop.tasks]
+        hint = "".join(f"; {each}" for each in misspelt(table, shop.tasks)[:1])
         ways = "give it, or fill=0 (such a lesson does not help), or features=<table of the tasks> to predict it"
-        problem = (
-            f"has no value for {many}, {first} '{lesson}' taught and '{task}' tested{likeness(lesson, others)}; {ways}"
-        )
+        problem = f"has no value for {many}, {first} '{lesson}' taught and '{task}' tested{hint}; {ways}"
         raise InputError.at(table.name if table.sheet is None else table.sheet.name, None, None, problem)
     default = np.full(gap.shape, 0.0 if fill is None else fill)
     source = f"taken as {fill:g} (fill={fill:g})" if filling is None else "predicted"
@@ -261,6 +270,14 @@ def _useful(shop: Shop) -> BoolArray:
     own = np.arange(shop.n)
     useful[:, own, own] &= shop.count > 1
     return useful
+
+
+def _trials(shop: Shop, measured: Measured) -> Array:
+    """[R, L, n] attempts behind each probability."""
+    trials = np.repeat(measured.trials[None], len(shop.robots), 0)
+    for robot, own in measured.own.items():
+        trials[robot] = np.where(np.isnan(own), trials[robot], measured.own_trials[robot])
+    return trials
 
 
 def _scaled(shop: Shop, values: Array, measured: Measured, team: Robots, orders: Orders) -> Array:

@@ -24,7 +24,7 @@ import numpy as np
 from p2l.errors import ShapeError
 from p2l.records import Array, BoolArray, IntArray, freeze
 from p2l.team.costs import freeze_cost
-from p2l.team.problem import Certificate, Problem, Status
+from p2l.team.problem import Certificate, Problem, Status, freeze_columns
 
 ShopOrder = Literal["fixed", "any", "partial"]
 SHOP_ORDERS: tuple[str, ...] = ("fixed", "any", "partial")
@@ -60,7 +60,7 @@ class Shop:
         choice: [n] a `Ruling`.
         order: "fixed", "any", or "partial": any that keeps `before`.
         before: [P, 2] tasks of which the first is done before the second, all copies of it.
-        max_lessons: lessons, at most; infinite for no limit.
+        max_lessons: lessons, at most, a whole number; infinite for no limit.
         max_teaching: sum of their `c_demo`, at most; infinite for no limit.
 
     Raises:
@@ -127,6 +127,8 @@ class Shop:
         for name in ("max_lessons", "max_teaching"):
             if not float(getattr(self, name)) >= 0.0:
                 raise ShapeError(f"{name}: {getattr(self, name)} given; expected a number of at least 0")
+        if math.isfinite(self.max_lessons) and self.max_lessons != math.floor(self.max_lessons):
+            raise ShapeError(f"max_lessons: {self.max_lessons} given; expected a whole number")
         if self.order != "partial" and len(self.arcs):
             raise ShapeError(f"before: given with order={self.order}; a partial order needs order=partial")
         if self.order == "partial":
@@ -249,13 +251,9 @@ class ShopPlan:
     certificate: ShopCertificate | None = None
 
     def __post_init__(self) -> None:
-        sizes: dict[str, int] = {}
-        put = object.__setattr__
-        put(self, "taught", freeze("taught", np.reshape(self.taught, (-1, 2)), ("T", 2), sizes, np.int64))
-        for name in ("sequence", "decision", "robot", "lesson"):
-            put(self, name, freeze(name, getattr(self, name), ("G",), sizes, np.int64))
-        for name in ("p_success", "expected_cost"):
-            put(self, name, freeze(name, getattr(self, name), ("G",), sizes))
+        taught = freeze("taught", np.reshape(self.taught, (-1, 2)), ("T", 2), {}, np.int64)
+        object.__setattr__(self, "taught", taught)
+        freeze_columns(self, ("G",), ("sequence", "decision", "robot", "lesson"), ("p_success", "expected_cost"))
 
 
 def precedence(shop: Shop) -> BoolArray:

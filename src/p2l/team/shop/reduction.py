@@ -11,6 +11,8 @@ The proof's instance, with these changes, none of which is an approximation:
 
 from __future__ import annotations
 
+import math
+import time
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +21,8 @@ from p2l.records import Array, BoolArray, IntArray
 from p2l.team.facility import Pairs, collect
 from p2l.team.shop.outcome import attempt_cost
 from p2l.team.shop.record import Ruling, Shop, precedence
+
+_ROWS = 500_000  # entries of the dense table that are made between two looks at the clock
 
 
 class Reduction(NamedTuple):
@@ -37,36 +41,60 @@ class Reduction(NamedTuple):
     weights: Array
 
 
-def reduce_shop(shop: Shop, dropped: BoolArray | None = None) -> Reduction:
+def reduce_shop(shop: Shop, dropped: BoolArray | None = None, *, deadline: float = math.inf) -> Reduction:
     """The instance of a shop.
 
     Args:
         shop: the day.
         dropped: [L, G] pairs of a lesson and a group that are left out, for every robot.
+        deadline: of `time.perf_counter`.
+
+    Raises:
+        TimeoutError: the deadline came first.
     """
     lesson, robot = np.divmod(np.arange(len(shop.lessons) * len(shop.robots)), len(shop.robots))
-    opening = np.where(_not_taught(shop)[lesson], np.inf, shop.c_demo[robot, lesson])
-    task, size = shop.groups
+    opening = np.where(may_be_taught(shop)[lesson], shop.c_demo[robot, lesson], np.inf)
     outside = outside_costs(shop)
     late = too_late(shop)
-    own = shop.completes[lesson]
 
-    def block(low: int, high: int) -> tuple[Array, BoolArray]:
-        i, m = task[low:high], size[low:high].astype(np.float64)
-        skill = shop.transfer[robot[None, :], lesson[None, :], i[:, None]]
-        cost = attempt_cost(shop, robot[None, :], i[:, None], skill) * m[:, None]
-        cost[late[:, i][own].T & (own >= 0)[None, :]] = np.inf
-        cost[shop.choice[i] == Ruling.DELEGATE] = np.inf
-        is_first = np.arange(low, high) < shop.n
-        cost[is_first & (shop.choice[i] == Ruling.LEARN)] = np.inf
+    def rows(low: int, high: int) -> tuple[Array, BoolArray]:
+        if time.perf_counter() > deadline:
+            raise TimeoutError
+        cost = service_costs(shop, lesson, robot, np.arange(low, high), late)
         if dropped is not None:
             cost[dropped[lesson, low:high].T] = np.inf
-        cost[is_first[:, None] & (own[None, :] == i[:, None])] = 0.0
         cost[:, np.isinf(opening)] = np.inf
         return cost, cost < outside[low:high, None]
 
-    pairs = collect(opening.copy(), outside, block)
+    def block(low: int, high: int) -> tuple[Array, BoolArray]:
+        step = max(1, _ROWS // max(1, len(lesson)))
+        parts = [rows(each, min(high, each + step)) for each in range(low, high, step)]
+        return np.concatenate([cost for cost, _ in parts]), np.concatenate([useful for _, useful in parts])
+
+    pairs = collect(opening.copy(), outside, block, deadline)
     return Reduction(pairs, lesson, robot, np.stack([np.ones(len(lesson)), _finite(opening)]))
+
+
+def service_costs(shop: Shop, lesson: IntArray, robot: IntArray, group: IntArray, late: BoolArray) -> Array:
+    """[D, F] cost of groups (rows) by lessons to robots (columns), infinite where that cannot be.
+
+    Args:
+        shop: the day.
+        lesson: [F] of each column.
+        robot: [F] of each column.
+        group: [D] of each row.
+        late: [n, n] as of `too_late`.
+    """
+    task, size = shop.groups
+    i, own = task[group], shop.completes[lesson]
+    skill = shop.transfer[robot[None, :], lesson[None, :], i[:, None]]
+    cost = attempt_cost(shop, robot[None, :], i[:, None], skill) * size[group].astype(np.float64)[:, None]
+    cost[late[:, i][own].T & (own >= 0)[None, :]] = np.inf
+    cost[shop.choice[i] == Ruling.DELEGATE] = np.inf
+    is_first = group < shop.n
+    cost[is_first & (shop.choice[i] == Ruling.LEARN)] = np.inf
+    cost[is_first[:, None] & (own[None, :] == i[:, None])] = 0.0
+    return cost
 
 
 def _finite(costs: Array) -> Array:
@@ -93,7 +121,8 @@ def too_late(shop: Shop) -> BoolArray:
     return precedence(shop).T.copy()
 
 
-def _not_taught(shop: Shop) -> BoolArray:
-    """[L] lessons whose task is not to be taught."""
-    closed = (shop.choice != Ruling.FREE) & (shop.choice != Ruling.LEARN)
-    return (shop.completes >= 0) & closed[shop.completes]
+def may_be_taught(shop: Shop) -> BoolArray:
+    """[L] lessons that no decision rules out."""
+    is_open = (shop.choice == Ruling.FREE) | (shop.choice == Ruling.LEARN)
+    allowed: BoolArray = (shop.completes < 0) | is_open[shop.completes]
+    return allowed

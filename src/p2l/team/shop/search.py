@@ -12,7 +12,8 @@ import heapq
 import math
 import time
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
 from typing import Generic, Protocol, TypeVar
 
 import numpy as np
@@ -29,6 +30,9 @@ from p2l.team.shop.record import Shop, ShopCertificate
 from p2l.team.shop.reduction import Reduction
 
 _SMALL = 40  # demands up to which HiGHS is asked for the relaxation first, as for the thesis's problems
+_TINY = 20  # demands up to which HiGHS also branches: 2 to 8 ms, where compiled kernels take 7 to 23, and 450 to load
+_MAKING = 0.4  # share of the time that making the instance may take, since checking takes as long
+_CHECKING = 1.5  # times as long, to be safe
 
 
 class Found(Protocol):
@@ -51,6 +55,7 @@ class _OrderCase:
     dropped: BoolArray
     leaf: Certificate | None = None
     open_set: BoolArray | None = None
+    complete: bool = True
     circle: list[tuple[int, int]] = field(default_factory=list)
 
 
@@ -73,8 +78,12 @@ class OrderSearch(ABC, Generic[FoundPlan]):
         self.cases = [_OrderCase(-1, (-1, -1), nothing)]
 
     @abstractmethod
-    def reduce(self, dropped: BoolArray | None) -> Reduction:
-        """The instance without some pairs [L, G] of lessons and today's groups; the day's demands come first in it."""
+    def reduce(self, dropped: BoolArray | None, deadline: float) -> Reduction:
+        """The instance without some pairs [L, G] of lessons and today's groups; the day's demands come first in it.
+
+        Raises:
+            TimeoutError: the deadline came first.
+        """
 
     @abstractmethod
     def found(self, reduction: Reduction, open_set: BoolArray, taught: IntArray, sequence: IntArray) -> FoundPlan:
@@ -84,18 +93,29 @@ class OrderSearch(ABC, Generic[FoundPlan]):
     def bound(self, proof: ShopCertificate) -> float:
         """What no plan costs less than."""
 
+    def quick(self) -> Iterator[FoundPlan]:
+        """Plans that need no search, for where the time is up before one; each is offered before the next is made."""
+        return iter(())
+
+    def conceivable(self) -> Array | None:
+        """[D] multipliers whose sum is a bound that needs no check, if there are any."""
+        return None
+
     def run(self) -> bool:
         """Look at cases, the one with the lowest bound first; whether it ended before the deadline."""
-        low, whole = self._look(0)
-        start = time.perf_counter()
-        self.bound(self.proof())
-        self.check_s = time.perf_counter() - start
+        try:
+            low, whole = self._look(0)
+        except TimeoutError:
+            self._offer_quickly()
+            return False
         waiting = [(low, 0)]
         while waiting:
             low, number = heapq.heappop(waiting)
             case = self.cases[number]
             if not case.circle or low >= self._cutoff():
                 continue
+            if not number:
+                self.check_s = self._check_s()
             if time.perf_counter() + self.check_s * len(self.cases) > self.deadline:
                 return False
             first = len(self.cases)
@@ -109,6 +129,25 @@ class OrderSearch(ABC, Generic[FoundPlan]):
                     return False
                 heapq.heappush(waiting, (max(low, below), len(self.cases) - 1))
         return whole
+
+    def _check_s(self) -> float:
+        start = time.perf_counter()
+        self.bound(self.proof())
+        return time.perf_counter() - start
+
+    def proven(self) -> tuple[ShopCertificate, float]:
+        """The proof, and its bound: the one of the search, or, where that was cut short, one that needs no check."""
+        proof, bound = self.proof(), -math.inf
+        if (root := self.cases[0]).leaf is not None:
+            bound = self.bound(proof)
+        if len(self.cases) > 1 or (root.leaf is not None and root.complete):
+            return proof, bound
+        if (multipliers := self.conceivable()) is None:
+            return proof, bound
+        low = math.fsum(multipliers.tolist()) * (1.0 - PROVEN / 1000)
+        if low <= bound:
+            return proof, bound
+        return replace(proof, leaf=(Certificate.of(multipliers),)), low
 
     def proof(self) -> ShopCertificate:
         """All cases, and the certificates of those without cases below them."""
@@ -128,13 +167,23 @@ class OrderSearch(ABC, Generic[FoundPlan]):
     def _look(self, number: int) -> tuple[float, bool]:
         """Solve a case; its bound, and whether that is within the gap of what it costs."""
         case = self.cases[number]
-        reduction = self.reduce(case.dropped if number else None)
+        if number:
+            try:
+                reduction = self.reduce(case.dropped, self.deadline)
+            except TimeoutError:
+                return -math.inf, False
+        else:
+            start = time.perf_counter()
+            reduction = self.reduce(None, start + _MAKING * (self.deadline - start))
+            self.deadline -= _CHECKING * (time.perf_counter() - start)
         impossible = np.isinf(reduction.pairs.outside) & (np.diff(reduction.pairs.start) == 0)
         if impossible.any():
             case.leaf = Certificate.of(np.where(impossible, LARGEST, 0.0))  # nothing serves it at any price
             return math.inf, True
         solution = self._solve(reduction, self.cases[max(0, case.parent)])
-        case.leaf, case.open_set = solution.certificate, solution.open
+        if not (number or solution.complete):
+            self._offer_quickly()
+        case.leaf, case.open_set, case.complete = solution.certificate, solution.open, solution.complete
         if not math.isfinite(solution.cost):
             return math.inf, solution.complete
         today = _of_day(self.shop, reduction)
@@ -142,11 +191,15 @@ class OrderSearch(ABC, Generic[FoundPlan]):
         facilities = np.flatnonzero(open_today)
         taught = np.stack([today.lesson[facilities], today.robot[facilities]], axis=1)
         case.circle, sequence = circle_of(self.shop, today, open_today)
-        self._offer(reduction, solution.open, taught, sequence if not case.circle else sequence_of(self.shop, taught))
+        order = sequence if not case.circle else sequence_of(self.shop, taught)
+        self._offer(self.found(reduction, solution.open, taught, order))
         return solution.cost * (1.0 - PROVEN) if solution.complete else -math.inf, solution.complete
 
-    def _offer(self, reduction: Reduction, open_set: BoolArray, taught: IntArray, sequence: IntArray) -> None:
-        plan = self.found(reduction, open_set, taught, sequence)
+    def _offer_quickly(self) -> None:
+        for plan in self.quick():
+            self._offer(plan)
+
+    def _offer(self, plan: FoundPlan) -> None:
         if math.isfinite(plan.total) and (self.best is None or plan.total < self.best.total):
             self.best = plan
 
@@ -158,7 +211,7 @@ class OrderSearch(ABC, Generic[FoundPlan]):
         known = None if parent.leaf is None else np.minimum(parent.leaf.multipliers[parent.leaf.row[0]], pairs.outside)
         if not used.any() or self._is_within(reduction, limits, self._quick(reduction)):
             free = facility.solve_small_or_large(
-                pairs, self.deadline, self.gap, few=few, multipliers=known, open_set=parent.open_set
+                pairs, self.deadline, self.gap, few=few, tiny=_TINY, multipliers=known, open_set=parent.open_set
             )
             if self._is_within(reduction, limits, free.open):
                 return free

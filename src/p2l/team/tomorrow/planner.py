@@ -109,8 +109,8 @@ class _TwoStageSearch(OrderSearch[_FoundTwoStage]):
         self.program = program
         self.pairs = tomorrow_pairs(program, deadline=deadline)
 
-    def reduce(self, dropped: BoolArray | None) -> Reduction:
-        return reduce_two_stage(reduce_shop(self.shop, dropped), self.pairs)
+    def reduce(self, dropped: BoolArray | None, deadline: float) -> Reduction:
+        return reduce_two_stage(reduce_shop(self.shop, dropped, deadline=deadline), self.pairs)
 
     def bound(self, proof: ShopCertificate) -> float:
         return two_stage_bound(self.program, proof)

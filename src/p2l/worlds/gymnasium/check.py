@@ -17,8 +17,9 @@ from p2l.contracts.world import NO_FAILURE
 from p2l.errors import ConfigError
 from p2l.records import Array
 from p2l.skills.runner import Reason
+from p2l.worlds.gymnasium.jobs import Moment, OptionJob
 from p2l.worlds.gymnasium.layout import Layout
-from p2l.worlds.gymnasium.simulation import Moment, OptionJob, Simulation
+from p2l.worlds.gymnasium.simulation import Simulation
 from p2l.worlds.gymnasium.snapshot import differing_fields, unpack
 
 _STEPS = 10  # before the state is taken, and after

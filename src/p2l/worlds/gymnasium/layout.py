@@ -18,6 +18,7 @@ from p2l.errors import ConfigError
 from p2l.records import Array, IntArray
 
 _PLACE = re.compile(r"(?P<key>.+?)(?:\[(?P<first>\d+)(?::(?P<last>\d+))?\])?")
+_FLOAT = np.dtype(np.float64).str
 BOX = "observation"  # the one part of an observation that is no dictionary
 
 
@@ -91,6 +92,11 @@ class Layout:
         """A."""
         return int(np.prod(self.action, dtype=np.int64))
 
+    @property
+    def is_flat(self) -> bool:
+        """Whether a flat observation [D] is one as the environment gives it."""
+        return not self.is_dict and self.parts[BOX].dtype == _FLOAT and len(self.parts[BOX].shape) == 1
+
     def write(self, observation: Any, flat: Array) -> None:
         """Put an observation into `flat` [D].
 
@@ -106,13 +112,17 @@ class Layout:
             flat[part.where] = np.reshape(observation[key], -1)
 
     def structure(self, flat: Array) -> Any:
-        """The observation as the environment gives it, from [D]."""
-        arrays = {key: _array(flat, part) for key, part in self.parts.items()}
-        return arrays if self.is_dict else arrays[BOX]
+        """The observation as the environment gives it, from [D], on whose memory it may lie."""
+        if not self.is_dict:
+            return _array(flat, self.parts[BOX])
+        return {key: _array(flat, part) for key, part in self.parts.items()}
 
     def to_action(self, values: Array) -> Any:
         """What `env.step` takes, a copy, from [A]."""
-        return int(values[0]) if self.actions else values.astype(self.action_dtype).reshape(self.action)
+        if self.actions:
+            return int(values[0])
+        action = values.astype(self.action_dtype)
+        return action if len(self.action) == 1 else action.reshape(self.action)
 
     def place(self, text: str) -> slice:
         """Of a part of the flat observation, written `key`, `key[2]` or `key[2:5]`.
@@ -201,4 +211,7 @@ class NoiseMap:
 
 
 def _array(flat: Array, part: ObservationPart) -> npt.NDArray[Any]:
-    return flat[part.where].astype(part.dtype).reshape(part.shape)
+    array = flat[part.where]
+    if part.dtype != _FLOAT:
+        array = array.astype(part.dtype)
+    return array if len(part.shape) == 1 else array.reshape(part.shape)

@@ -96,8 +96,8 @@ def box_primitives(
     return tuple(made)
 
 
-def to_numbers(action: Any, layout: Layout, who: str) -> Array:
-    """[A] of an action.
+def to_numbers(action: Any, layout: Layout, name: str | None = None) -> Array:
+    """[A] of an action of a controller, or of a command without a name.
 
     Raises:
         ConfigError: of another shape, or no finite number.
@@ -105,14 +105,20 @@ def to_numbers(action: Any, layout: Layout, who: str) -> Array:
     try:
         values = np.asarray(action, dtype=np.float64)
     except (TypeError, ValueError):
-        raise ConfigError(f"{who}: its action is a {type(action).__name__}, not {_wanted(layout)}") from None
+        raise ConfigError(f"{_who(name)}: its action is a {type(action).__name__}, not {_wanted(layout)}") from None
     if values.shape != layout.action:
-        raise ConfigError(f"{who}: its action has shape {values.shape}, not {_wanted(layout)}")
-    if not all(map(math.isfinite, values.ravel().tolist())):  # faster than numpy for a few numbers
-        raise ConfigError(f"{who}: its action holds NaN or infinity")
+        raise ConfigError(f"{_who(name)}: its action has shape {values.shape}, not {_wanted(layout)}")
+    flat = values if values.ndim == 1 else values.reshape(-1)
+    numbers = flat.tolist()  # the sum of finite ones is finite, and faster to tell than that all of them are
+    if not math.isfinite(sum(numbers)) and not all(map(math.isfinite, numbers)):
+        raise ConfigError(f"{_who(name)}: its action holds NaN or infinity")
     if layout.actions and not 0 <= int(values) < layout.actions:
-        raise ConfigError(f"{who}: there is no action {int(values)} among {layout.actions}")
-    return values.reshape(-1)
+        raise ConfigError(f"{_who(name)}: there is no action {int(values)} among {layout.actions}")
+    return flat
+
+
+def _who(name: str | None) -> str:
+    return "command" if name is None else f"controller '{name}'"
 
 
 def _wanted(layout: Layout) -> str:
@@ -138,20 +144,33 @@ def decide(
     if isinstance(option, HeldAction):
         action = np.asarray(option.action, dtype=np.float64)
         return np.where(np.isnan(action), last, action), memory, step >= option.steps
-    who = f"controller '{option.name}'"
+    wanted, kept, done = ask(option, layout, seen, memory)
+    return last if wanted is None else wanted, kept, done
+
+
+def ask(option: Controller, layout: Layout, seen: Any, memory: Array) -> tuple[Array | None, Array, bool]:
+    """What a controller answers: the action [A], None if it has ended, the memory [m] and whether it has ended.
+
+    Raises:
+        ConfigError: as `decide`.
+    """
     try:
         answer = option.act(seen, memory.copy())
     except Exception as error:
-        raise ConfigError(f"{who}: {type(error).__name__}: {error}{_where(error)}") from error
+        raise ConfigError(f"{_who(option.name)}: {type(error).__name__}: {error}{_where(error)}") from error
     if not isinstance(answer, tuple) or len(answer) != 3:
-        raise ConfigError(f"{who}: `act` must return action, memory, done; it returned {type(answer).__name__}")
-    action, memory, done = answer
-    kept = np.zeros(0) if memory is None else np.asarray(memory, dtype=np.float64).reshape(-1)
+        raise ConfigError(
+            f"{_who(option.name)}: `act` must return action, memory, done; it returned {type(answer).__name__}"
+        )
+    action, remembered, done = answer
+    kept = np.zeros(0) if remembered is None else np.asarray(remembered, dtype=np.float64)
+    kept = kept if kept.ndim == 1 else kept.reshape(-1)
     if kept.shape != (option.memory_size,):
-        raise ConfigError(f"{who}: its memory has {kept.size} numbers; memory_size says {option.memory_size}")
+        told = f"its memory has {kept.size} numbers; memory_size says {option.memory_size}"
+        raise ConfigError(f"{_who(option.name)}: {told}")
     if done:
-        return last, kept, True
-    return to_numbers(action, layout, who), kept, False
+        return None, kept, True
+    return to_numbers(action, layout, option.name), kept, False
 
 
 def _where(error: BaseException) -> str:

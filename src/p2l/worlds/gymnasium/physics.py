@@ -11,10 +11,8 @@ steps differs after restoring; the check at registration finds that.
 
 from __future__ import annotations
 
-import types
-from collections import deque
-from collections.abc import Iterator, Mapping
-from itertools import pairwise
+import math
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import mujoco
@@ -22,7 +20,8 @@ import numpy as np
 import numpy.typing as npt
 
 from p2l.errors import ConfigError
-from p2l.worlds.gymnasium.snapshot import is_plain
+from p2l.records import IntArray
+from p2l.worlds.gymnasium.leaves import OWN, Leaves
 
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 _DERIVED = (
@@ -36,14 +35,8 @@ _DERIVED = (
 _MOVABLE = (
     "body_", "geom_", "site_", "jnt_", "dof_", "eq_", "actuator_", "cam_", "light_", "tendon_", "mat_", "pair_", "qpos",
 )  # fmt: skip
-_FOREIGN = (
-    "numpy", "mujoco", "builtins", "threading", "logging", "collections", "xml", "matplotlib", "PIL", "glfw", "OpenGL",
-    "pathlib", "random", "abc", "functools", "typing", "enum", "gymnasium.spaces", "gymnasium.envs.registration",
-    "gymnasium.envs.mujoco.mujoco_rendering", "robosuite.utils.binding_utils", "robosuite.models.arenas",
-    "robosuite.models.objects", "robosuite.models.tasks", "robosuite.models.robots", "robosuite.models.bases",
-)  # fmt: skip
-_SCREEN = ("viewer", "renderer", "mujoco_renderer", "_viewers", "_render_context_offscreen", "render_context")
-_PHYSICS, _DATA, _MODEL, _OWN, _SAME = "physics", "data", "model.", "env", "same"
+_PHYSICS, _DATA, _MODEL, _SAME = "physics", "data", "model.", "same"
+_GAP = 128  # bytes between arrays that MuJoCo has laid side by side
 
 
 def mujoco_of(env: Any) -> tuple[mujoco.MjModel, mujoco.MjData]:
@@ -81,22 +74,19 @@ class MujocoState:
         model, data = mujoco_of(env)
         self._reference = {name: getattr(model, name).tobytes() for name in _numbers(model)}
         self._derived = [name for name in _DERIVED if getattr(data, name, np.zeros(0)).size]
-        ends = np.cumsum([0, *(getattr(data, name).size for name in self._derived)]).tolist()
-        self._places = [slice(first, last) for first, last in pairwise(ends)]
-        self._of: tuple[Any, Any] = (None, None)
-        self._arrays: tuple[list[Numbers], list[Numbers]] = ([], [])
+        self._leaves = Leaves()
+        self._windows = _Windows(model, data, self._reference, self._derived)
 
     def get(self, env: Any) -> dict[str, Any]:
         """Fields of the state by name."""
         model, data = mujoco_of(env)
-        numbers, derived = self._windows(model, data)
-        physics = np.empty(mujoco.mj_stateSize(model, _STATE))
+        windows = self._windows_on(model, data)
+        physics = np.empty(windows.physics)
         mujoco.mj_getState(model, data, physics, _STATE)
-        fields: dict[str, Any] = {_PHYSICS: physics, _DATA: np.concatenate([part.reshape(-1) for part in derived])}
-        for (name, reference), value in zip(self._reference.items(), numbers, strict=True):
-            if value.tobytes() != reference:
-                fields[_MODEL + name] = value.copy()
-        own = {path: value_of(owner, key) for path, owner, key in _leaves(env)}
+        fields: dict[str, Any] = {_PHYSICS: physics, _DATA: windows.derived.take(windows.places)}
+        for name in windows.moved():
+            fields[_MODEL + name] = windows.numbers[name].copy()
+        own = self._leaves.get(env)
         first: dict[int, str] = {}
         arrays = [(path, value) for path, value in own.items() if isinstance(value, np.ndarray)]
         fields[_SAME] = {path: at for path, value in arrays if (at := first.setdefault(id(value), path)) != path}
@@ -109,139 +99,102 @@ class MujocoState:
             ConfigError: it has other objects inside than the one that was taken from.
         """
         model, data = mujoco_of(env)
-        numbers, derived = self._windows(model, data)
-        for (name, reference), value in zip(self._reference.items(), numbers, strict=True):
-            kept = fields.get(_MODEL + name)
-            if kept is not None:
-                value[...] = kept
-            elif value.tobytes() != reference:
-                value[...] = np.frombuffer(reference, dtype=value.dtype).reshape(value.shape)
+        windows = self._windows_on(model, data)
+        kept = {name.removeprefix(_MODEL): value for name, value in fields.items() if name.startswith(_MODEL)}
+        for name in windows.moved():
+            if name not in kept:
+                value = windows.numbers[name]
+                value[...] = np.frombuffer(self._reference[name], dtype=value.dtype).reshape(value.shape)
+        for name, value in kept.items():
+            windows.numbers[name][...] = value
         mujoco.mj_setState(model, data, fields[_PHYSICS], _STATE)
         mujoco.mj_forward(model, data)  # contacts, and whatever else is not kept
         mujoco.mj_setState(model, data, fields[_PHYSICS], _STATE)
-        for part, where in zip(derived, self._places, strict=True):
-            part[...] = fields[_DATA][where].reshape(part.shape)
-        own = {path: value for path, value in fields.items() if path.startswith(f"{_OWN}.")}
+        windows.derived[windows.places] = fields[_DATA]
+        own = {path: value for path, value in fields.items() if path.startswith(f"{OWN}.")}
         own |= {path: own[at] for path, at in fields[_SAME].items()}  # one array under two names stays one
-        for path, owner, key in list(_leaves(env)):
-            if path in own:
-                _put(owner, key, own.pop(path))
-            elif isinstance(key, str) and not isinstance(owner, (dict, list)):
-                delattr(owner, key)
-        for path, value in own.items():  # an attribute that this one does not have yet
-            place, _, name = path.rpartition(".")
-            owner = _object_at(env, place)
-            if owner is None:
-                raise ConfigError(f"state field '{path}': this environment has no '{place}'")
-            _put(owner, name, value)
+        self._leaves.put(env, own)
 
-    def _windows(self, model: mujoco.MjModel, data: mujoco.MjData) -> tuple[list[Numbers], list[Numbers]]:
-        """MuJoCo's own arrays of the model's numbers and of what is derived; making them anew would take a third."""
-        if self._of[0] is not model or self._of[1] is not data:
-            numbers = [getattr(model, name) for name in self._reference]
-            self._of, self._arrays = (model, data), (numbers, [getattr(data, name) for name in self._derived])
-        return self._arrays
+    def _windows_on(self, model: mujoco.MjModel, data: mujoco.MjData) -> _Windows:
+        if self._windows.model is not model or self._windows.data is not data:
+            self._windows = _Windows(model, data, self._reference, self._derived)
+        return self._windows
+
+
+class _Windows:
+    """MuJoCo's own arrays of one model and its data, and few large ones on the same memory, which are read at once.
+
+    Attributes:
+        numbers: of the model, by name.
+        physics: numbers of the physics state.
+        derived: everything from the first to the last number that is derived; never read but at `places`.
+        places: of these numbers in it, in the order of their names.
+    """
+
+    def __init__(
+        self, model: mujoco.MjModel, data: mujoco.MjData, reference: Mapping[str, bytes], derived: Sequence[str]
+    ) -> None:
+        self.model, self.data = model, data
+        self.numbers: dict[str, Numbers] = {name: getattr(model, name) for name in reference}
+        self.physics = mujoco.mj_stateSize(model, _STATE)
+        self._order = {name: place for place, name in enumerate(reference)}
+        self._stretches = [_stretch(group, reference) for group in _side_by_side(self.numbers)]
+        parts = [getattr(data, name) for name in derived]
+        start = min(map(_address, parts))
+        size = max(_address(part) + part.nbytes for part in parts) - start
+        self.derived = _memory(min(parts, key=_address), size).view(np.float64)
+        self.places = np.concatenate([(_address(part) - start) // 8 + np.arange(part.size) for part in parts])
+
+    def moved(self) -> list[str]:
+        """Names of the model's numbers that are not as in the reference."""
+        found: set[str] = set()
+        for memory, wanted, names, owner in self._stretches:
+            if (where := np.flatnonzero(memory != wanted)).size:
+                found |= {names[place] for place in set(owner[where].tolist()) if place >= 0}
+        return sorted(found, key=self._order.__getitem__)
+
+
+def _address(array: Numbers) -> int:
+    return int(array.__array_interface__["data"][0])
+
+
+def _memory(first: Numbers, size: int) -> npt.NDArray[np.uint8]:
+    """[size] bytes from the first of an array on; the array's owner stays alive with them."""
+    return np.lib.stride_tricks.as_strided(first.reshape(-1).view(np.uint8), (size,), (1,))
+
+
+def _side_by_side(arrays: Mapping[str, Numbers]) -> list[dict[str, Numbers]]:
+    """Arrays in the order of their addresses, those together that are at most `_GAP` apart."""
+    groups: list[dict[str, Numbers]] = []
+    end = 0
+    for name, array in sorted(arrays.items(), key=lambda item: _address(item[1])):
+        if not groups or _address(array) > end + _GAP:
+            groups.append({})
+        groups[-1][name] = array
+        end = _address(array) + array.nbytes
+    return groups
+
+
+def _stretch(
+    group: Mapping[str, Numbers], reference: Mapping[str, bytes]
+) -> tuple[Numbers, Numbers, list[str], IntArray]:
+    """Arrays side by side as one of words, what the reference holds there, their names, and whose a word is or −1.
+
+    Words are as wide as the places of the arrays allow, for speed: none belongs to two of them.
+    """
+    arrays = list(group.values())
+    start, end = _address(arrays[0]), _address(arrays[-1]) + arrays[-1].nbytes
+    word = math.gcd(8, end - start, *(_address(array) - start for array in arrays))
+    memory = _memory(arrays[0], end - start)
+    wanted, owner = memory.copy(), np.full(len(memory), -1, dtype=np.int64)
+    for place, (name, array) in enumerate(group.items()):
+        where = slice(_address(array) - start, _address(array) - start + array.nbytes)
+        wanted[where], owner[where] = np.frombuffer(reference[name], dtype=np.uint8), place
+    dtype = f"u{word}"
+    return memory.view(dtype), wanted.view(dtype), list(group), owner[::word].copy()
 
 
 def _numbers(model: mujoco.MjModel) -> list[str]:
     """Fields of a model that a reset may change."""
     names = [name for name in dir(model) if name.startswith(_MOVABLE)]
     return [name for name in names if isinstance(getattr(model, name), np.ndarray) and getattr(model, name).size]
-
-
-def value_of(owner: Any, key: Any) -> Any:
-    """A leaf's value; of a named tuple its parts."""
-    value = owner[key] if isinstance(owner, (dict, list)) else getattr(owner, key)
-    return tuple(value) if _is_named_tuple(value) else value
-
-
-def _is_named_tuple(value: Any) -> bool:
-    return isinstance(value, tuple) and hasattr(value, "_make")
-
-
-def _put(owner: Any, key: Any, value: Any) -> None:
-    """Set a leaf; an array that is a window on something else (MuJoCo's data) was restored with that."""
-    if isinstance(owner, (dict, list)):
-        present = owner[key] if not isinstance(owner, dict) or key in owner else None
-    else:
-        present = getattr(owner, key, None)
-    if isinstance(present, np.ndarray) and _is_window(present):
-        return
-    if isinstance(present, tuple) and hasattr(present, "_make") and len(value) == len(present):
-        value = present._make(value)  # a named one stays what it is
-    if isinstance(present, dict) and type(present) is not dict and isinstance(value, dict):
-        present.clear()  # so does an ordered one, or one with defaults
-        present.update(value)
-        return
-    if isinstance(present, np.random.Generator) and isinstance(value, np.random.Generator):
-        present.bit_generator.state = value.bit_generator.state  # others may share it
-        return
-    if isinstance(owner, (dict, list)):
-        owner[key] = value
-    else:
-        setattr(owner, key, value)
-
-
-def _is_window(array: npt.NDArray[Any]) -> bool:
-    """Whether an array shows memory of something that is no array, as those of MuJoCo's data do."""
-    base: Any = array
-    while isinstance(base, np.ndarray):
-        base = base.base
-    return base is not None
-
-
-def _leaves(env: Any) -> Iterator[tuple[str, Any, Any]]:
-    """Plain attributes of an environment and of its own objects: path, owner and key, each object once.
-
-    In an order that does not depend on when attributes were made, so that a shared object has the same path everywhere.
-    """
-    seen: set[int] = set()
-    waiting: deque[tuple[str, Any]] = deque([(_OWN, env)])
-    while waiting:
-        path, owner = waiting.popleft()
-        if id(owner) in seen:
-            continue
-        seen.add(id(owner))
-        for key, value in _items(owner):
-            place = f"{path}.{key}"
-            if is_plain(value) or (_is_named_tuple(value) and is_plain(tuple(value))):
-                if _can_be_set(owner, key):
-                    yield place, owner, key
-            elif _is_own(value):
-                waiting.append((place, value))
-
-
-def _items(owner: Any) -> list[tuple[Any, Any]]:
-    if isinstance(owner, dict):
-        return sorted(owner.items(), key=lambda item: str(item[0]))
-    if isinstance(owner, (list, tuple)):
-        return list(enumerate(owner))
-    return [(key, value) for key, value in sorted(vars(owner).items()) if key not in _SCREEN]
-
-
-def _can_be_set(owner: Any, key: Any) -> bool:
-    return not isinstance(owner, tuple) and isinstance(key, (str, int))
-
-
-def _is_own(value: Any) -> bool:
-    """Whether an object is the environment's own, so that what it remembers is part of the state."""
-    if isinstance(value, (dict, list, tuple)):
-        return True
-    if isinstance(value, (type, types.ModuleType, types.FunctionType, types.MethodType, types.BuiltinFunctionType)):
-        return False
-    module = type(value).__module__
-    return hasattr(value, "__dict__") and not any(module == name or module.startswith(f"{name}.") for name in _FOREIGN)
-
-
-def _object_at(env: Any, path: str) -> Any:
-    owner: Any = env
-    for name in path.split(".")[1:]:
-        if isinstance(owner, dict):
-            owner = next((value for key, value in owner.items() if str(key) == name), None)
-        elif isinstance(owner, (list, tuple)):
-            owner = owner[int(name)] if int(name) < len(owner) else None
-        else:
-            owner = getattr(owner, name, None)
-        if owner is None:
-            return None
-    return owner

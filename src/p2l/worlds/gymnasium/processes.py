@@ -10,11 +10,11 @@ from __future__ import annotations
 import logging
 import mmap
 import os
+import selectors
 import socket
 import weakref
 from collections import deque
 from collections.abc import Sequence
-from multiprocessing.connection import wait
 from typing import Any
 
 import cloudpickle
@@ -24,9 +24,10 @@ from p2l.errors import ConfigError
 from p2l.records import Array, IntArray
 from p2l.skills.runner import Reason
 from p2l.worlds.gymnasium.check import Facts
+from p2l.worlds.gymnasium.jobs import JobResult, Moment, OptionJob
 from p2l.worlds.gymnasium.process import Task, WorkerProcess, end_processes, memory_file, start_process
-from p2l.worlds.gymnasium.simulation import Definition, JobResult, Moment, OptionJob
-from p2l.worlds.gymnasium.worker import Lanes, write_row
+from p2l.worlds.gymnasium.simulation import Definition
+from p2l.worlds.gymnasium.worker import FROM_PARENT, FROM_WORKER, IS_THERE, Lanes, write_row
 
 log = logging.getLogger(__name__)
 
@@ -79,6 +80,7 @@ class Processes:
         self._file = memory_file(self.lanes.size)
         self._memory = mmap.mmap(self._file, self.lanes.size)
         self._workers = begun
+        self._selector = selectors.PollSelector()
         for worker in begun:
             self._share(worker)
         self._waiting: deque[Task] = deque()
@@ -145,7 +147,7 @@ class Processes:
         total = 0
         for worker in self._workers:
             assert not worker.tasks, "a process is at work"
-            worker.connection.send((0, "copies", None, True))
+            worker.connection.send((0, "copies", None, IS_THERE))
             total += int(worker.connection.recv()[1])
         return total
 
@@ -157,20 +159,15 @@ class Processes:
                 return
             task = self._waiting.popleft()
             is_there = worker.lane == lane or task.what == "reset"
-            if not is_there and task.goes_on:
-                self._bring_back(lane)
+            place = IS_THERE if is_there else FROM_WORKER if task.goes_on else FROM_PARENT
             self._forget(lane)
             worker.lane = lane
             worker.tasks.append(task)
             try:
-                worker.connection.send((task.lane, task.what, task.content, is_there))
+                content = task.content.to_plain() if isinstance(task.content, OptionJob) else task.content
+                worker.connection.send((task.lane, task.what, content, place))
             except OSError:
                 self._replace(worker)
-
-    def _bring_back(self, lane: int) -> None:
-        """The row that a lane's last job has left, for a process that does not have it."""
-        for mine, its in zip(self.lanes.views(self._memory, lane, of_worker=False), self.row(lane), strict=True):
-            mine[:] = its
 
     def _forget(self, lane: int) -> None:
         """No process is at the row of this lane any more."""
@@ -178,13 +175,11 @@ class Processes:
             worker.lane = -1 if worker.lane == lane else worker.lane
 
     def _receive(self) -> None:
-        busy = [worker for worker in self._workers if worker.tasks]
-        ready = wait([worker.connection for worker in busy], timeout=PATIENCE_S)
+        ready = self._selector.select(PATIENCE_S)
         if not ready:
+            busy = [worker for worker in self._workers if worker.tasks]
             log.warning("world '%s': no answer for %d s from %s", self.name, PATIENCE_S, self._at_work(busy))
-        for worker in busy:
-            if worker.connection not in ready:
-                continue
+        for worker in [key.data for key, _ in ready]:
             try:
                 status, answer = worker.connection.recv()
             except (EOFError, OSError):
@@ -192,7 +187,11 @@ class Processes:
                 continue
             self._deaths = 0
             task = worker.tasks.popleft()
-            self._results[task.ticket] = ConfigError(f"world '{self.name}': {answer}") if status == "error" else answer
+            if status == "error":
+                answer = ConfigError(f"world '{self.name}': {answer}")
+            elif isinstance(task.content, OptionJob):
+                answer = JobResult.of_plain(answer)
+            self._results[task.ticket] = answer
         self._hand_out()
 
     def _at_work(self, busy: Sequence[WorkerProcess]) -> str:
@@ -218,6 +217,7 @@ class Processes:
         fresh = start_process(self._definition, self._gl)
         self._greeting(fresh)
         self._share(fresh)
+        self._selector.unregister(worker.connection)
         worker.connection.close()
         self._workers[self._workers.index(worker)] = fresh
         self._hand_out()
@@ -238,6 +238,7 @@ class Processes:
         return content
 
     def _share(self, worker: WorkerProcess) -> None:
+        self._selector.register(worker.connection, selectors.EVENT_READ, worker)
         worker.connection.send(self.lanes)
         with socket.socket(fileno=os.dup(worker.connection.fileno())) as channel:
             socket.send_fds(channel, [b"m"], [self._file])

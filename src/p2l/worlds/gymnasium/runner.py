@@ -21,8 +21,8 @@ from p2l.contracts.rows import Rows
 from p2l.contracts.world import NO_FAILURE, World
 from p2l.records import Array, IntArray
 from p2l.skills.runner import Events, Reason, Runner
+from p2l.worlds.gymnasium.jobs import GOES_ON, JobResult, Moment, OptionJob
 from p2l.worlds.gymnasium.processes import Processes
-from p2l.worlds.gymnasium.simulation import GOES_ON, JobResult, Moment, OptionJob
 
 log = logging.getLogger(__name__)
 
@@ -113,7 +113,7 @@ class ProcessRunner(Runner):
 
     def _hand_in(self, slot: int, most: int) -> None:
         option = int(self.option[slot])
-        row = self.rows.take([slot])
+        row = self.rows.window(slot)
         job = OptionJob(
             option=self._places[option],
             step=int(self.step[slot]),
@@ -124,7 +124,7 @@ class ProcessRunner(Runner):
             stop_on_failure=self.stop_on_failure,
             most=most,
         )
-        moment = None if self._is_there[slot] else Moment(row.states[0].tobytes(), row.sensors[0])
+        moment = None if self._is_there[slot] else Moment(memoryview(row.states[0]), row.sensors[0])
         self._tickets[slot] = self._processes.submit(self._lanes[slot], "run", job, moment)
 
     def _finish(self, slot: int, outcome: JobResult) -> None:

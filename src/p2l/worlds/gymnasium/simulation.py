@@ -21,13 +21,13 @@ from p2l.contracts.world import NO_FAILURE
 from p2l.errors import ConfigError, ShapeError
 from p2l.records import Array
 from p2l.skills.runner import Reason
+from p2l.worlds.gymnasium.jobs import GOES_ON, JobResult, Moment, OptionJob
 from p2l.worlds.gymnasium.layout import Layout, Noise, NoiseMap
-from p2l.worlds.gymnasium.options import Controller, HeldAction, checked_options, decide, to_numbers
+from p2l.worlds.gymnasium.options import Controller, HeldAction, ask, checked_options, decide, to_numbers
 from p2l.worlds.gymnasium.physics import MujocoState
 from p2l.worlds.gymnasium.snapshot import pack, unpack
 
 ENDS = ("terminated", "truncated")  # the environment's own ends, where the task is not done
-GOES_ON = -1
 _FIRST_SEED = 0  # of the reset that makes every process's model the same
 
 
@@ -53,66 +53,6 @@ class Definition:
         return (*self.primitives, *self.controllers)
 
 
-@dataclass(frozen=True)
-class Moment:
-    """A row of an environment: its packed state, and [D + A + 2] what was sensed last."""
-
-    state: bytes
-    sensed: Array
-
-
-@dataclass(frozen=True)
-class OptionJob:
-    """An option to run for one row.
-
-    Attributes:
-        option: its place in `Definition.options`.
-        step: control steps since it began.
-        memory: [m].
-        error: [E] of the robot's estimate.
-        kind: flag that was up before, or `NO_FAILURE`.
-        muted: flags do not count before one step raised none.
-        stop_on_failure: a flag ends the option.
-        most: control steps, at most; 0 as many as it takes.
-        command: [A] carried out for one step, instead of an option; None for an option.
-    """
-
-    option: int
-    step: int
-    memory: Array
-    error: Array
-    kind: int
-    muted: bool
-    stop_on_failure: bool
-    most: int
-    command: Array | None = None
-
-
-@dataclass(frozen=True)
-class JobResult:
-    """How a job ended.
-
-    Attributes:
-        reason: a value of `runner.Reason`, or `GOES_ON`.
-        steps: control steps of the job.
-        memory: [m].
-        kind: flag, or `NO_FAILURE`.
-        kind_step: control step of the job at which it was raised, 0 if before it.
-        muted: as in the job.
-        path: way of `position`, in its unit.
-        told: what went wrong in the environment, if it diverged.
-    """
-
-    reason: int
-    steps: int
-    memory: Array
-    kind: int
-    kind_step: int
-    muted: bool
-    path: float
-    told: str = ""
-
-
 class Simulation:
     """One environment in the hands of p2l.
 
@@ -134,9 +74,10 @@ class Simulation:
         checked_options(definition.controllers, definition.primitives, self.layout, self.env.action_space)
         self.noise = NoiseMap.of(self.layout, definition.noise)
         self._position = None if definition.position is None else self.layout.place(definition.position)
+        self._is_flat = self.layout.is_flat
         self._kinds = {name: place for place, name in enumerate(definition.failures)}
         self._mujoco = None if definition.get_state else MujocoState(self.env)
-        self._sensed = np.zeros(0)
+        self._sensed, self._is_done, self._is_over = np.zeros(0), False, False
         self.copies = 0  # of a whole state, taken or put
         self._sense(observation, None, np.zeros(self.layout.action_size))
         self._first = self.take()
@@ -176,36 +117,41 @@ class Simulation:
         else:
             raise ConfigError("a world with `get_state` needs `set_state`, too")
         self._sensed = moment.sensed.copy()
+        self._is_done, self._is_over = bool(self._sensed[-2] > 0.5), bool(self._sensed[-1] > 0.5)
 
     def run(self, job: OptionJob) -> JobResult:
         """Let an option go on from the present row."""
         memory, kind, kind_step, muted, path, steps = job.memory, job.kind, 0, job.muted, 0.0, 0
         option, seen = self.definition.options[job.option], None
+        action: Array | None
         shift = self.noise.shift(job.error, self.layout.size)
-        if job.command is not None and self._sensed[-1] > 0.5:  # the environment has ended: it stays where it is
-            end = NO_FAILURE if self._sensed[-2] > 0.5 else self._kinds[ENDS[int(self._sensed[-1]) - 1]]
+        if job.command is not None and self._is_over:  # the environment has ended: it stays where it is
+            end = NO_FAILURE if self._is_done else self._kinds[ENDS[int(self._sensed[-1]) - 1]]
             return JobResult(GOES_ON, 0, memory, end, kind_step, muted, path)
         while True:
             if job.command is None:
-                if self._sensed[-1] > 0.5:  # the environment has ended with the task done
+                if self._is_over:  # the environment has ended with the task done
                     return JobResult(Reason.TERMINATION, steps, memory, kind, kind_step, muted, path)
                 obs = self._seen(shift) if seen is None else seen
-                action, memory, done = decide(option, self.layout, obs, self.last_action, memory, job.step + steps)
-                if done or job.step + steps >= option.max_steps:
+                if isinstance(option, HeldAction):
+                    action, memory, done = decide(option, self.layout, obs, self.last_action, memory, job.step + steps)
+                else:
+                    action, memory, done = ask(option, self.layout, obs, memory)
+                if done or action is None or job.step + steps >= option.max_steps:
                     reason = Reason.TERMINATION if done else Reason.TIMEOUT
                     return JobResult(reason, steps, memory, kind, kind_step, muted, path)
             else:
-                action = to_numbers(job.command.reshape(self.layout.action), self.layout, "command")
-            before = self.observation
+                action = to_numbers(job.command.reshape(self.layout.action), self.layout)
+            before = self._sensed
             seen, found, told = self._step(action, shift, option.name, job.step + steps)
             steps += 1
             if told:
                 return JobResult(Reason.DIVERGENCE, steps, memory, kind, kind_step, muted, path, told)
             if self._position is not None:
-                way = self.observation[self._position] - before[self._position]
+                way = self._sensed[self._position] - before[self._position]
                 path += math.sqrt(float(way.dot(way)))
             flag = found != NO_FAILURE
-            over = self._sensed[-1] > 0.5 and not self._sensed[-2] > 0.5
+            over = self._is_over and not self._is_done
             first = flag and kind == NO_FAILURE and (not muted or over)
             muted = muted and flag
             if first:
@@ -240,7 +186,8 @@ class Simulation:
 
     def _seen(self, shift: Array) -> Any:
         """The observation as the robot has it, in the environment's form; it shares no memory with the row."""
-        return self.layout.structure(self.observation + shift)
+        shifted = self._sensed[: self.layout.size] + shift
+        return shifted if self._is_flat else self.layout.structure(shifted)
 
     def _step(self, action: Array, shift: Array, name: str, step: int) -> tuple[Any, int, str]:
         """One control step: what the robot sees, the kind of failure, and what went wrong if the row diverged."""
@@ -254,16 +201,17 @@ class Simulation:
         # the square of a sound row is finite, and faster to tell than that all its numbers are
         if not math.isfinite(self._sensed.dot(self._sensed)) and not np.isfinite(self._sensed).all():
             return None, NO_FAILURE, f"the observation holds NaN or infinity{self._bad()}"
-        if over and not self._sensed[-2] > 0.5:
+        if over and not self._is_done:
             return None, self._kinds[ENDS[over - 1]], ""
         seen = self._seen(shift)
         try:
-            return seen, self._kind(self.definition.failed(info, seen)), ""
+            found = self.definition.failed(info, seen)
+            return seen, NO_FAILURE if found is None else self._kind(found), ""
         except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
             raise ConfigError(f"failed(info, obs): {type(error).__name__}: {error}") from error
 
     def _kind(self, found: Any) -> int:
-        if found is None or found is False or (isinstance(found, np.bool_) and not found):
+        if found is False or (isinstance(found, np.bool_) and not found):
             return NO_FAILURE
         if isinstance(found, str):
             if found not in self._kinds:
@@ -272,17 +220,18 @@ class Simulation:
         return 0
 
     def _sense(self, observation: Any, info: Any, action: Array, *, over: int = 0) -> None:
-        sensed = np.empty(self.layout.size + len(action) + 2)
+        size = self.layout.size
+        sensed = np.empty(size + len(action) + 2)
         try:
-            self.layout.write(observation, sensed[: self.layout.size])
+            self.layout.write(observation, sensed[:size])
         except (TypeError, ValueError, AttributeError, KeyError) as error:
             raise ShapeError(f"the observation has changed its form: {error}") from error
         try:
             done = info is not None and bool(self.definition.success(info, observation))
         except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
             raise ConfigError(f"success(info, obs): {type(error).__name__}: {error}") from error
-        sensed[self.layout.size : -2], sensed[-2], sensed[-1] = action, done, over
-        self._sensed = sensed
+        sensed[size:-2], sensed[-2], sensed[-1] = action, done, over
+        self._sensed, self._is_done, self._is_over = sensed, done, over > 0
 
     def _bad(self) -> str:
         bad = [key for key, part in self.layout.parts.items() if not np.isfinite(self._sensed[part.where]).all()]

@@ -1,11 +1,13 @@
 """The process of one environment: `python -m p2l.worlds.gymnasium.worker <file descriptor of a socket>`.
 
 It is told a definition, then jobs. Rows come and go through memory that it shares with its parent, two places per lane:
-one that the parent writes, one that this process writes. Only small messages go through the socket.
+one that the parent writes, one that this process writes. A row that some process has left there need not be brought
+back by the parent. Only small messages go through the socket.
 """
 
 from __future__ import annotations
 
+import gc
 import mmap
 import os
 import signal
@@ -21,9 +23,11 @@ import numpy as np
 from p2l.errors import P2LError, ShapeError
 from p2l.records import Array
 from p2l.worlds.gymnasium.check import facts_of
-from p2l.worlds.gymnasium.simulation import Moment, OptionJob, Simulation
+from p2l.worlds.gymnasium.jobs import Moment, OptionJob
+from p2l.worlds.gymnasium.simulation import Simulation
 
 _ALIGN = 64
+IS_THERE, FROM_PARENT, FROM_WORKER = range(3)  # where a job's row is: in the environment, or in which of its places
 
 
 @dataclass(frozen=True)
@@ -78,9 +82,8 @@ def _serve(simulation: Simulation, connection: Connection, memory: mmap.mmap, la
             message = connection.recv()
         except EOFError:
             return
-        lane, what, content, is_there = message
         try:
-            answer = _answer(simulation, memory, lanes, lane, what, content, is_there)
+            answer = _answer(simulation, memory, lanes, *message)
         except P2LError as error:
             connection.send(("error", str(error)))
         else:
@@ -88,22 +91,22 @@ def _serve(simulation: Simulation, connection: Connection, memory: mmap.mmap, la
 
 
 def _answer(
-    simulation: Simulation, memory: mmap.mmap, lanes: Lanes, lane: int, what: str, content: Any, is_there: bool
+    simulation: Simulation, memory: mmap.mmap, lanes: Lanes, lane: int, what: str, content: Any, place: int
 ) -> Any:
     answer: Any = None
     if what == "reset":
         simulation.reset(int(content))
     else:
-        if not is_there:
-            state, sensed = lanes.views(memory, lane, of_worker=False)
-            simulation.put(Moment(state.tobytes(), sensed.copy()))
+        if place != IS_THERE:
+            state, sensed = lanes.views(memory, lane, of_worker=place == FROM_WORKER)
+            simulation.put(Moment(memoryview(state), sensed))
         if what == "draw":
             return simulation.draw()
         if what == "copies":
             return simulation.copies
-        assert isinstance(content, OptionJob)
-        answer = simulation.run(content)
-        if answer.told:
+        result = simulation.run(OptionJob.of_plain(content))
+        answer = result.to_plain()
+        if result.told:
             return answer
     write_row(*lanes.views(memory, lane, of_worker=True), simulation.take())
     return answer
@@ -122,6 +125,7 @@ def main(descriptor: int) -> int:
         connection.send(("error", str(error)))
         return P2LError.exit_code
     connection.send(("ready", facts))
+    gc.freeze()  # what is there now stays: no search for garbage needs to look at it again
     lanes = connection.recv()
     _, descriptors, _, _ = socket.recv_fds(channel, 1, 1)
     memory = mmap.mmap(descriptors[0], lanes.size)

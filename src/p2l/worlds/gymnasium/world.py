@@ -32,11 +32,12 @@ from p2l.contracts.world import NO_FAILURE
 from p2l.errors import ConfigError
 from p2l.records import Array, BoolArray, IntArray
 from p2l.skills.runner import Reason
+from p2l.worlds.gymnasium.jobs import Moment, OptionJob
 from p2l.worlds.gymnasium.layout import Noise, NoiseMap
 from p2l.worlds.gymnasium.options import ACTION, BoundOption, Controller, HeldAction
 from p2l.worlds.gymnasium.processes import Processes
 from p2l.worlds.gymnasium.runner import ProcessRunner
-from p2l.worlds.gymnasium.simulation import Definition, Moment, OptionJob, failure_kinds
+from p2l.worlds.gymnasium.simulation import Definition, failure_kinds
 
 ROW_VERSION = 1  # raise when the meaning of a saved row changes
 _AT_ONCE = 32  # rows that a call without slots hands to the processes
@@ -232,7 +233,7 @@ class GymnasiumWorld:
                 part = range(first, min(first + len(lanes), len(contents)))
                 tickets = []
                 for lane, place in zip(lanes.tolist(), part, strict=False):
-                    row = None if rows is None else Moment(rows.states[place].tobytes(), rows.sensors[place])
+                    row = None if rows is None else Moment(memoryview(rows.states[place]), rows.sensors[place])
                     tickets.append(processes.submit(lane, what, contents[place], row))
                 for lane, ticket in zip(lanes.tolist(), tickets, strict=False):
                     answer = processes.collect(ticket)

@@ -1,0 +1,121 @@
+"""What outcomes say of a lesson that was given: a posterior of its success on every task of the day.
+
+The thesis plans once, with predicted probabilities. Its predictions of one lesson are wrong together: a demonstration
+that taught less than was thought is worse on all tasks. Deviations, numbered:
+
+1. A lesson's success on task i is Beta distributed with mean m_i(θ) and the strength of n_i attempts, given a shift θ
+   of the log-odds that all tasks of the lesson share, θ ~ N(0, spread²): m_i(θ) = sigmoid(a_i + κ_i θ). Independent
+   betas (spread = 0) would learn nothing from one task for another, and a day has most tasks once; a shift alone
+   (n_i = ∞) could never learn that one task is an exception.
+2. a_i is such that the mean over θ is the prediction ρ_i: without outcomes nothing changes. A prediction of 0 or 1
+   stays what it is, whatever happens to other tasks.
+3. n_i = prior_n + the attempts behind ρ_i in the transfer table, and κ_i = prior_n / n_i: what was measured often is
+   moved less by its neighbours.
+4. Pre-trained skills have the same betas and no shift: they are one number per task, of as many skills as there may be.
+
+θ is on a grid, so that the posterior is a finite sum; it depends on the numbers of successes and failures alone, and so
+not on their order.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+from scipy import special
+
+from p2l.errors import ConfigError
+from p2l.records import Array, freeze
+
+_NODES, _REACH = 61, 5.0  # of the grid: nodes, and standard deviations to each side
+_SURE = 1e-12  # a prediction of 0 or 1 tells of the shift what one that is this far from it would
+_STEPS = 12  # of Newton's method, which ends sooner
+
+
+@dataclass(frozen=True)
+class Setting:
+    """How fast outcomes change what is believed.
+
+    Attributes:
+        prior_n: attempts that a prediction counts for.
+        spread: standard deviation of the shift that the log-odds of a lesson's successes share.
+
+    Raises:
+        ConfigError: a number out of range.
+    """
+
+    prior_n: float = 2.0
+    spread: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.prior_n <= 1e6:
+            raise ConfigError(f"prior_n: {self.prior_n} given; expected a number above 0, at most 1e6")
+        if not 0.0 <= self.spread <= 10.0:
+            raise ConfigError(f"spread: {self.spread} given; expected a number from 0 to 10")
+
+
+def expected_skill(
+    predicted: Array, trials: Array, successes: Array, failures: Array, setting: Setting, *, shared: bool = True
+) -> Array:
+    """[n] posterior mean of one skill's success.
+
+    Args:
+        predicted: [n] probabilities before the day.
+        trials: [n] attempts behind them.
+        successes: [n] counts of the day.
+        failures: [n] counts of the day.
+        setting: strengths.
+        shared: whether tasks share a shift; pre-trained skills do not.
+
+    Raises:
+        ShapeError: a probability outside [0, 1], a negative count.
+    """
+    sizes: dict[str, int] = {}
+    rho = freeze("predicted", predicted, ("n",), sizes, low=0.0, high=1.0)
+    n, won, lost = (
+        freeze(name, value, ("n",), sizes, low=0.0)
+        for name, value in (("trials", trials), ("successes", successes), ("failures", failures))
+    )
+    tried = np.flatnonzero((won > 0.0) | (lost > 0.0))
+    if not len(tried):
+        return rho
+    n = n + setting.prior_n
+    if not shared or setting.spread == 0.0:
+        return np.asarray((n * rho + won) / (n + won + lost))
+    shift, weight = _grid(setting.spread)
+    share = setting.prior_n / n
+    mean = _shifted(rho, share, shift, weight)  # [n, K]
+    a, b = n[tried, None] * mean[tried], n[tried, None] * (1.0 - mean[tried])
+    s, f = won[tried, None], lost[tried, None]
+    log_posterior = np.log(weight) + (special.betaln(a + s, b + f) - special.betaln(a, b)).sum(axis=0)
+    posterior = np.exp(log_posterior - log_posterior.max())
+    posterior /= posterior.sum()
+    expected = mean @ posterior
+    is_sure = (rho <= _SURE) | (rho >= 1.0 - _SURE)
+    expected[is_sure] = rho[is_sure]
+    return np.clip((n * expected + won) / (n + won + lost), 0.0, 1.0)
+
+
+@cache
+def _grid(spread: float) -> tuple[Array, Array]:
+    """Shifts [K] and their weights [K] before any outcome."""
+    nodes = np.linspace(-_REACH, _REACH, _NODES)
+    weights = np.exp(-0.5 * nodes**2)
+    return spread * nodes, weights / weights.sum()
+
+
+def _shifted(rho: Array, share: Array, shift: Array, weight: Array) -> Array:
+    """[n, K] success after each shift, whose mean over the weights is `rho`."""
+    target = special.logit(np.clip(rho, _SURE, 1.0 - _SURE))
+    offset = target.copy()
+    moved = share[:, None] * shift
+    for _ in range(_STEPS):  # logit of the mean is nearly linear in the offset, with a slope below 1
+        p = special.expit(offset[:, None] + moved)
+        mean = p @ weight
+        slope = (p * (1.0 - p)) @ weight / (mean * (1.0 - mean))
+        step = (target - special.logit(mean)) / slope
+        offset = offset + step
+        if np.abs(step).max() < 1e-12:
+            break
+    return np.asarray(special.expit(offset[:, None] + moved))

@@ -1,0 +1,158 @@
+"""A walk through a day for the stage `day`: outcomes from a file or the terminal, each on disk before the next."""
+
+from __future__ import annotations
+
+import csv
+import io
+import sys
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from p2l.artifacts import write_text
+from p2l.errors import InputError
+from p2l.team.day import Day, change_of, explain_change, next_step
+from p2l.team.day.change import way
+from p2l.team.day.entries import Entry, replay
+from p2l.team.day.files import DayFile, append_event, restore
+from p2l.team.day.record import ALLOWED
+from p2l.team.problem import Decision
+from p2l.team.shop.files import table_text
+from p2l.text import guarded_cell, printable
+from p2l.tracking import Tracker
+
+REST, CHANGES = "rest.csv", "changes.csv"
+_TYPED = ("task", "copy", "decision", "robot", "lesson", "outcome", "note")
+_HELP = f"""  success, failure, done or not taught: how the step ended (the first letter will do)
+  {",".join(_TYPED)}: what happened instead, cells as in day.csv
+  q: stop here; the same command goes on"""
+
+
+class Walk:
+    """Where a day stands, in memory and in `day.csv`."""
+
+    def __init__(self, path: Path, key: str, track: Tracker, extra: Mapping[str, tuple[str, ...]]) -> None:
+        self.path, self.key, self.track, self.extra = path, key, track, extra
+        self.size = -1  # of day.csv, once its rows are known to be good
+        self.changes: list[tuple[str, ...]] = []
+        self.day: Day
+        self.file: DayFile
+        self.wrong: Entry | None = None
+
+    def go_on(self, morning: Day, file: DayFile) -> None:
+        """Take up what stands in `day.csv`, up to its last good row, and say what comes next."""
+        self.day, self.file = morning, file
+        self._track()
+        self.day, self.wrong, problem = replay(morning, file.entries, str(self.path), self._seen)
+        if file.torn:
+            torn = printable(file.torn, lines=False)
+            print(f"{self.path}: its last row was not finished and is left out: {torn}")
+        if problem is not None:
+            print(f"{printable(str(problem))}. The day goes on from the row before; what follows is set aside then.")
+        if self.day.events:
+            print(f"{len(self.day.events)} outcomes are in {self.path}. {self._costs()}")
+
+    def enter(self, entries: Iterable[Entry], name: str) -> None:
+        """Enter rows of a person's own; those that are in `day.csv` already are skipped if they have their step.
+
+        Raises:
+            InputError: a row that cannot be; those before it are entered.
+        """
+        done = len(self.day.events)
+        for entry in entries:
+            if entry["step"].isdecimal() and 0 < int(entry["step"]) <= done:
+                continue
+            self._enter(entry, name)
+
+    def ask(self) -> None:
+        """Ask for one outcome after another until all is done, the person stops, or nothing more comes."""
+        while (step := next_step(self.day)) is not None:
+            print(self._step_text(), end=" ", flush=True)
+            line = sys.stdin.readline()
+            text = line.strip()
+            if not line or text.casefold() in ("q", "quit"):
+                print()
+                return
+            if text in ("", "?", "h", "help"):
+                print(_HELP)
+                continue
+            cells = _cells(text, step.decision)
+            try:
+                self._enter(Entry(len(self.day.events) + 1, cells), "typed")
+            except InputError as error:
+                print(f"{printable(str(error))}. Nothing is entered.")
+
+    def write_rest(self) -> None:
+        """Write the plan for the rest, and what every outcome has changed."""
+        rest = self.path.with_name(REST)
+        if self.day.rest is None or self.day.plan is None:
+            rest.unlink(missing_ok=True)
+        else:
+            kept = self.day.rest.task.tolist()
+            extra = {name: tuple(cells[task] for task in kept) for name, cells in self.extra.items()}
+            write_text(rest, table_text(self.day.rest.shop, self.day.plan, extra))
+        text = io.StringIO()
+        writer = csv.writer(text, lineterminator="\n")
+        writer.writerow(["step", "task", "outcome", "spent", "expected_total", "change"])
+        writer.writerows(self.changes)
+        write_text(self.path.with_name(CHANGES), text.getvalue())
+
+    def summary(self) -> str:
+        """The last line of the stage."""
+        day = self.day
+        self.track.metrics({"objective": day.left, "spent": day.spent, "expected_total": day.expected_total})
+        left = 0 if day.rest is None else int(day.rest.shop.count.sum())
+        if not left:
+            return f"The day is done: {len(day.events)} outcomes, cost {day.spent:,.1f}."
+        tasks = "1 task is" if left == 1 else f"{left} tasks are"
+        return f"{tasks} left after {len(day.events)} outcomes. {self._costs()}"
+
+    def _enter(self, entry: Entry, name: str) -> None:
+        before = self.day
+        after, _, problem = replay(before, [entry], name)
+        if problem is not None:
+            raise problem
+        if self.size < 0:
+            self.size = restore(self.path, before, self.key, self.file, self.wrong)
+        self.size = append_event(self.path, after, self.key, self.size)
+        self.day = after
+        print(self._seen(before, after))
+
+    def _seen(self, before: Day, after: Day) -> str:
+        """Keep and return what an outcome has changed."""
+        self.day = after
+        event, number = after.events[-1], len(after.events)
+        name = after.shop.tasks[event.task] if event.task >= 0 else after.shop.lessons[event.lesson]
+        told = explain_change(after.shop, change_of(before, after))
+        costs = (f"{after.spent:.12g}", f"{after.expected_total:.12g}")
+        self.changes.append((str(number), guarded_cell(name), str(event.outcome), *costs, guarded_cell(told)))
+        self._track()
+        return f"{number}. {printable(name, lines=False)}: {event.outcome}; {told}"
+
+    def _track(self) -> None:
+        day = self.day
+        values = {"objective": day.left, "spent": day.spent, "expected_total": day.expected_total}
+        self.track.metrics(values, step=len(day.events))
+
+    def _costs(self) -> str:
+        return f"Spent {self.day.spent:,.1f}, expected for the rest {self.day.left:,.1f}."
+
+    def _step_text(self) -> str:
+        day = self.day
+        step = next_step(day)
+        assert step is not None
+        shop = day.shop
+        name = printable(shop.tasks[step.task] if step.task >= 0 else shop.lessons[step.lesson], lines=False)
+        many = int(shop.count[step.task]) if step.task >= 0 else 1
+        copy = f" (copy {step.copy} of {many})" if many > 1 and step.copy else ""
+        how = way(shop, (step.decision, step.robot, step.lesson))
+        chance = f", succeeds with {step.p_success:.0%}" if step.decision == Decision.ACT else ""
+        allowed = " / ".join(ALLOWED[step.decision])
+        return f"{len(day.events) + 1}. {name}{copy}: {how}{chance}. {allowed}?"
+
+
+def _cells(text: str, decision: Decision) -> dict[str, str]:
+    """A line from the terminal as cells of a row: an outcome or its beginning, or cells in the order of `_TYPED`."""
+    if "," in text:
+        return dict(zip(_TYPED, next(csv.reader([text])), strict=False))
+    near = [each for each in ALLOWED[decision] if each.startswith(text.casefold())]
+    return {"outcome": str(near[0]) if len(near) == 1 else text}

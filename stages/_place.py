@@ -1,0 +1,79 @@
+"""The output folder of a stage: what a person has in it stays, and a stopped run goes on.
+
+A stage refuses, before it computes anything, where it would write over a file that no stage has written. While it runs,
+a note in the folder names it: a run that was stopped knows from it that the files there are its own.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+
+from p2l.artifacts import write_text
+from p2l.manifest import check_files
+from p2l.tracking import RUN_FILE
+
+CONFIG_FILE, LOG_FILE, NOTE_FILE = "config.yaml", "stage.log", ".unfinished.json"
+_ALL = (CONFIG_FILE, RUN_FILE, "times.json")
+# What each stage writes, as patterns of paths in its folder; records, checkpoints and runs of children have checks of
+# their own.
+WRITES: Mapping[str, tuple[str, ...]] = {
+    "chain_recoveries": ("*.csv", "summary.json", "policy.safetensors*", "policies/**/*"),
+    "check_plan": (),
+    "cluster": ("modes.*", "labels.npz", "videos/*", "summary.json"),
+    "collect": ("transfer_data.npz", "strategy.png", "summary.json"),
+    "config": ("*/**/*",),  # it deletes the folders of items that are no more
+    "day": ("rest.csv",),  # day.csv, which people correct, names its plan itself
+    "discover": ("failures_*.npz", "summary.json"),
+    "evaluate_chains": ("*.csv", "*.png", "episodes.parquet", "videos/*", "summary.json"),
+    "evaluate_recoveries": ("*.csv", "*.png", "episodes.parquet", "summary.json"),
+    "evaluate_team": ("results.parquet", "predictions.json", "summary.parquet"),
+    "export": ("policy.onnx*",),
+    "fit_preconditions": ("preconditions.*", "samples.npz", "*.csv", "summary.json"),
+    "fit_transfer": ("transfer_model.safetensors*", "calibration.*", "metrics.json"),
+    "iterate_recoveries": ("success.*", "summary.json", "s[0-9]*/**/*"),
+    "learn_recoveries": ("*.csv", "*.png", "recoveries/*", "histories/*", "graphs/*", "videos/*", "summary.json"),
+    "plan": (
+        "plan.csv", "plan.json", "plan.png", "plan.html", "reasons.csv", "tomorrow.csv", "certificate.npz", "shop.npz",
+        "plans.parquet", "summary.json",
+    ),
+    "predict_transfer": ("transfer.csv", "transfer.png", "next_trials.csv", "summary.json"),
+    "report": ("index.html", "tables/*", "figures/*", "metrics.json", "headline.json"),
+    "watch": ("*.mp4",),
+}  # fmt: skip
+
+
+def claim(stage: str, out: Path) -> None:
+    """Refuse a folder in which the stage would write over somebody's file; else note that the stage is at work there.
+
+    Raises:
+        ArtifactError: there is such a file, or the folder cannot be written.
+    """
+    if _noted(out) != stage:
+        check_files(out, (*_ALL, *WRITES[stage]))
+        write_text(out / NOTE_FILE, json.dumps({"stage": stage}) + "\n")
+
+
+def release(out: Path) -> None:
+    """The stage has finished: its manifest says what is its own."""
+    (out / NOTE_FILE).unlink(missing_ok=True)
+
+
+def clear(out: Path, before: set[Path]) -> None:
+    """Take away what every stage writes, so that a refused input leaves what was there `before`, or nothing."""
+    new = {out / RUN_FILE, out / LOG_FILE, out / NOTE_FILE} - before
+    if set(out.iterdir()) - before - new:  # what else it has written is its own only with the note
+        new.discard(out / NOTE_FILE)
+    for file in new:
+        file.unlink(missing_ok=True)
+    if not before and not any(out.iterdir()):
+        out.rmdir()
+
+
+def _noted(out: Path) -> str | None:
+    """The stage that was stopped here."""
+    try:
+        return str(dict(json.loads((out / NOTE_FILE).read_text(encoding="utf-8")))["stage"])
+    except (OSError, ValueError, TypeError, KeyError):
+        return None

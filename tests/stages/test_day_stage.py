@@ -1,0 +1,195 @@
+"""A day walked through by its stage: from a file, at the terminal, cut anywhere, corrected, and with wrong rows."""
+
+import importlib
+import io
+import os
+import shutil
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+FILES = {
+    "orders": "task,c_rob,c_hum,c_fail,c_demo,count,bay\npeg,1,9,9,8,3,=A\nlid,1,5,9,30,2,B\nnut,1,7,9,30,1,C\n",
+    "transfer": "taught,tested,p,n\npeg,peg,0.9,4\npeg,lid,0.7,1\npeg,nut,0.6,1\n",
+}
+OUTCOMES = "task,outcome,note\npeg,done,\n,failure,slipped\n,success,\nlid,failure,\n"
+HEADER = "step,task,copy,decision,robot,lesson,outcome,note,plan"
+
+
+def ended(name, *words):
+    """Exit code of a stage that is run here."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("sys.argv", [name, *words, "tracking=disabled"])
+        patch.setenv("HYDRA_FULL_ERROR", "1")
+        with pytest.raises(SystemExit) as left:
+            importlib.import_module(f"stages.{name}").run()
+    return left.value.code
+
+
+@pytest.fixture(scope="module")
+def planned(tmp_path_factory):
+    """A folder with tables and the plan of them."""
+    folder = tmp_path_factory.mktemp("planned")
+    for name, text in {**FILES, "outcomes": OUTCOMES}.items():
+        (folder / f"{name}.csv").write_text(text, encoding="utf-8")
+    tables = (f"tasks={folder / 'orders.csv'}", f"transfer={folder / 'transfer.csv'}")
+    assert ended("plan", *tables, "fill=0", f"hydra.run.dir={folder / 'plan'}") == 0
+    return folder
+
+
+@pytest.fixture
+def stage(planned, tmp_path, monkeypatch, capsys):
+    """Run a stage in a folder with a plan; gives exit code and what it printed."""
+    shutil.copytree(planned, tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
+    capsys.readouterr()
+
+    def run(name, *words, typed=""):
+        monkeypatch.setattr("sys.stdin", io.StringIO(typed))
+        return ended(name, *words), capsys.readouterr()
+
+    return run
+
+
+def table(path):
+    return [line.split(",")[:-1] for line in path.read_text(encoding="utf-8").splitlines()]
+
+
+def test_a_whole_day_and_its_files(stage, tmp_path):
+    """The morning's tables are gone by then; a changed one would be another day's."""
+    for name in FILES:
+        (tmp_path / f"{name}.csv").unlink()
+    code, told = stage("day", "plan=plan", "outcomes=outcomes.csv")
+    assert code == 0, told.err
+    lines = told.out.splitlines()
+    assert lines[0] == "1. peg: done; no change; expected cost of the day 23.8"
+    assert lines[3].startswith("4. lid: failure; expected cost of the day ")
+    assert "the lesson on peg -> the person" in told.out
+    assert lines[-2].startswith("2 tasks are left after 4 outcomes. Spent 29.0, expected for the rest ")
+    day = tmp_path / "plan" / "day"
+    assert table(day / "day.csv")[1:] == [
+        ["1", "peg", "1", "learn", "robot", "peg", "done", ""],
+        ["2", "peg", "2", "act", "robot", "peg", "failure", "slipped"],
+        ["3", "peg", "3", "act", "robot", "peg", "success", ""],
+        ["4", "lid", "1", "act", "robot", "peg", "failure", ""],
+    ]
+    assert (day / "rest.csv").read_text().splitlines()[0].endswith("expected_cost,bay")
+    assert [row.split(",")[:3] for row in (day / "changes.csv").read_text().splitlines() if row[0].isdigit()] == [
+        ["1", "peg", "done"], ["2", "peg", "failure"], ["3", "peg", "success"], ["4", "lid", "failure"],
+    ]  # fmt: skip
+    code, told = stage("day", "plan=plan", typed="d\ns\n")
+    assert told.out.splitlines()[-2] == "The day is done: 6 outcomes, cost 35.0."
+    assert not (day / "rest.csv").exists()
+    code, told = stage("day", "plan=plan")
+    assert (code, told.out.splitlines()[-2]) == (0, "The day is done: 6 outcomes, cost 35.0.")
+
+
+def test_a_day_that_is_cut_goes_on_to_the_same_plan(stage, tmp_path):
+    stage("day", "plan=plan", "outcomes=outcomes.csv")
+    day = tmp_path / "plan" / "day"
+    whole, rest = (day / "day.csv").read_bytes(), (day / "rest.csv").read_bytes()
+    (tmp_path / "whole.csv").write_bytes(whole)
+    (day / "day.csv").write_bytes(whole[:-40])
+    code, told = stage("day", "plan=plan", "outcomes=whole.csv")
+    assert code == 0, told.err
+    assert "its last row was not finished and is left out: 4,lid" in told.out
+    assert (day / "day.csv").read_bytes() == whole
+    assert (day / "rest.csv").read_bytes() == rest
+
+
+def test_a_corrected_row_is_a_day_on_which_that_happened(stage, tmp_path):
+    stage("day", "plan=plan", "outcomes=outcomes.csv")
+    day = tmp_path / "plan" / "day"
+    corrected = (day / "day.csv").read_text().replace("peg,2,act,robot,peg,failure", "peg,2,act,robot,peg,success")
+    (day / "day.csv").write_text(corrected.rstrip("\n"))  # as some editors leave it
+    _, told = stage("day", "plan=plan")
+    (tmp_path / "other.csv").write_text(OUTCOMES.replace(",failure,slipped", ",success,slipped"))
+    _, other = stage("day", "plan=plan", "outcomes=other.csv", "hydra.run.dir=other")
+    assert told.out.splitlines()[-2] == other.out.splitlines()[-2]
+    assert (day / "rest.csv").read_text() == (tmp_path / "other" / "rest.csv").read_text()
+
+
+def test_a_wrong_row_is_told_and_the_day_goes_on_from_the_row_before(stage, tmp_path):
+    """In a table of outcomes and in day.csv; there it is set aside when a row takes its place."""
+    stage("day", "plan=plan", typed="d\n")
+    day = tmp_path / "plan" / "day" / "day.csv"
+    good = day.read_text()
+    key = good.splitlines()[1].rpartition(",")[2]
+    row, problem = "2,peg,2,act,robot,peg,broke,", "row 3, column 'outcome': 'broke' is no outcome; give success, fail"
+    (tmp_path / "wrong.csv").write_text(f"{good}{row},{key}\n")
+    code, told = stage("day", "plan=plan", "outcomes=wrong.csv")
+    assert code == 2
+    assert f"wrong.csv, {problem}" in told.err
+    assert day.read_text() == good
+    tail = f"{row},{key}\n3,peg,3,act,robot,peg,success,mine,{key}\n"
+    day.write_text(good + tail)
+    code, told = stage("day", "plan=plan")
+    assert (code, day.read_text()) == (0, good + tail)  # nothing is touched before something is entered
+    assert f"day.csv, {problem}" in told.out
+    code, told = stage("day", "plan=plan", typed="s\n")
+    assert "2. peg: success" in told.out
+    assert day.read_text() == f"{good}2,peg,2,act,robot,peg,success,,{key}\n"
+    assert day.with_name("day.refused.csv").read_text() == tail
+
+
+def test_a_task_that_is_done_and_another_plan_s_day_are_refused(stage, tmp_path):
+    (tmp_path / "twice.csv").write_text(OUTCOMES + "peg,success,again\n")
+    code, told = stage("day", "plan=plan", "outcomes=twice.csv")
+    assert code == 2
+    assert "twice.csv, row 6, column 'task': 'peg' is done, all 3 copies; take the row out" in told.err
+    day = tmp_path / "plan" / "day" / "day.csv"
+    assert len(table(day)) == 5  # what came before is entered
+    code, told = stage("day", "plan=plan", "prior_n=9")
+    assert (code, "day.csv, row 2, column 'plan': " in told.err) == (2, True)
+    kept = day.read_text()
+    stage("plan", "tasks=orders.csv", "transfer=transfer.csv", "fill=0.1", "hydra.run.dir=plan")
+    code, told = stage("day", "plan=plan")
+    assert (code, day.read_text()) == (2, kept)
+    assert "is another plan, or one with other settings (prior_n, spread); this one is" in told.err
+
+
+def test_at_the_terminal(stage, tmp_path):
+    typed = '?\nx\nd\npeg,2,delegate,,,done,"Bo, by hand"\nnot\n"peg,2,delegate,,,done\nq\n'
+    code, told = stage("day", "plan=plan", typed=typed)
+    assert code == 0, told.err
+    assert "1. peg (copy 1 of 3): taught to robot. done / not taught?" in told.out
+    assert "'x' is no outcome" in told.out
+    assert "2. peg (copy 2 of 3): robot by the lesson on peg, succeeds with 90%. success / failure?" in told.out
+    assert 'done,"Bo, by hand",' in (tmp_path / "plan" / "day" / "day.csv").read_text()
+    assert told.out.count("Nothing is entered") == 3
+
+
+def test_a_folder_without_a_day_in_it(stage, tmp_path):
+    day = tmp_path / "plan" / "day" / "day.csv"
+    day.parent.mkdir()
+    day.write_text("task,cost\n1,2\n")
+    code, told = stage("day", "plan=plan")
+    assert (code, "day.csv, row 1, column 'step'" in told.err) == (2, True)
+    (tmp_path / "plan" / "shop.npz").unlink()
+    code, told = stage("day", "plan=plan")
+    assert (code, "shop.npz: no such file; plan again with" in told.err) == (2, True)
+    assert day.read_text() == "task,cost\n1,2\n"
+
+
+def test_a_day_that_is_killed_goes_on(stage, tmp_path):
+    command = [sys.executable, "-m", "stages.day", f"plan={tmp_path / 'plan'}", "tracking=disabled"]
+    environment = {**os.environ, "PYTHONPATH": f"{ROOT / 'src'}{os.pathsep}{ROOT}", "PYTHONUNBUFFERED": "1"}
+    pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "text": True}
+    with subprocess.Popen(command, cwd=ROOT, env=environment, **pipes) as walk:
+        walk.stdin.write("d\nf\n")
+        walk.stdin.flush()
+        while "3. peg (copy 3 of 3)" not in (line := walk.stdout.readline()):
+            assert line or walk.poll() is None
+            if "2. peg: failure" in line:
+                break
+        walk.send_signal(signal.SIGKILL)
+    code, told = stage("day", "plan=plan", typed="s\nf\n")
+    assert code == 0, told.err
+    day = tmp_path / "plan" / "day"
+    _, other = stage("day", "plan=plan", "outcomes=outcomes.csv", "hydra.run.dir=other")
+    assert (day / "rest.csv").read_text() == (tmp_path / "other" / "rest.csv").read_text()
+    assert told.out.splitlines()[-2] == other.out.splitlines()[-2]
