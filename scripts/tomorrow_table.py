@@ -26,7 +26,7 @@ from p2l.team.study import Block, make_block, task_sets
 from p2l.team.tomorrow.study import KINDS, compare
 
 DOMAINS = ("insertion", "lego")
-SAMPLES, HELD_OUT = 200, 100
+SAMPLES, HELD_OUT = 100, 50
 
 
 def config_of(domain: str) -> EvaluateTeamConfig:

@@ -11,9 +11,9 @@ from p2l.seeding import generator
 from p2l.team.certificate import Verdict
 from p2l.team.shop.files import check_shop_place, settings_of
 from p2l.team.tomorrow import check_two_stage_plan, plan_two_stage, replicate
-from p2l.team.tomorrow.files import FILES, Setting, read_two_stage_plan, setting_of, write_two_stage_plan
+from p2l.team.tomorrow.files import FILES, TwoStageSetting, read_two_stage_plan, setting_of, write_two_stage_plan
 from p2l.team.tomorrow.reading import Future, TwoStageReading, read_two_stage
-from p2l.team.tomorrow.reasons import explain_two_stage, reasons_of
+from p2l.team.tomorrow.reasons import explain_two_stage, lesson_times
 from p2l.team.tomorrow.record import TwoStagePlan
 from p2l.team.tomorrow.sampling import Estimate, estimate, fresh_samples, subsamples
 from p2l.tracking import Tracker
@@ -23,7 +23,7 @@ _SAMPLE_GAP = 1e-5  # to which the best plan of a sample is known
 
 
 def read_both_days(
-    cfg: PlanConfig | CheckPlanConfig, setting: Setting, order: Order, limits: tuple[float | None, float | None]
+    cfg: PlanConfig | CheckPlanConfig, setting: TwoStageSetting, order: Order, limits: tuple[float | None, float | None]
 ) -> TwoStageReading:
     """Today and tomorrow in the files that a configuration names; scenarios of a forecast are those of the seed."""
     assert cfg.tasks is not None
@@ -49,10 +49,10 @@ def plan_both_days(cfg: PlanConfig, out: Path, track: Tracker) -> None:
     from p2l.evaluation.team.tomorrow_page import write_tomorrow_page
 
     check_shop_place(out, [path for path in (cfg.tasks, cfg.transfer, *cfg.files, *cfg.future_files) if path], FILES)
-    setting = Setting(cfg.commit, cfg.samples, cfg.seed)
+    setting = TwoStageSetting(cfg.commit, cfg.samples, cfg.seed)
     reading = read_both_days(cfg, setting, cfg.order or "fixed", (cfg.max_lessons, cfg.max_teaching))
     plan = plan_two_stage(reading.program, time_limit_s=cfg.time_limit_s, gap=cfg.gap)
-    reasons = reasons_of(reading.program, plan, time_limit_s=cfg.reasons_s)
+    reasons = lesson_times(reading.program, plan, time_limit_s=cfg.reasons_s)
     found = _estimate(cfg, reading, plan)
     text = explain_two_stage(reading.program, plan, reasons, found)
     write_tomorrow_page(out / "plan.html", reading.program, plan, reasons, found, reading.day.remarks, cfg.subject)

@@ -4,7 +4,8 @@ Everything that a person imports, in one place; nothing is loaded before it is u
 
 Which tasks to teach (thesis, chapter 3): `Problem`, `Plan`, `Decision`, `plan`, `explain`, `read_problem`,
 `write_plan`, `read_plan`, `check_certificate`; with copies, robots, limits and a partial order: `Shop`, `read_shop`,
-`plan_shop`, `check_shop_plan`; and facility location for its own sake, `solve_facility_location`.
+`plan_shop`, `check_shop_plan`; for an uncertain tomorrow: `TwoStage`, `plan_two_stage`, `check_two_stage_plan`; and
+facility location for its own sake, `solve_facility_location`.
 Which recovery to train next (chapter 4): `SkillGraph` (of `NominalSkill`s), `History`,
 `Trained`, `learn`, `make_chooser`.
 What skills are learnt in: `make_world`, `make_domain`, and an environment of your own, `GymnasiumWorld`.
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
     from p2l.team.planners import plan
     from p2l.team.problem import Decision, Plan, Problem
     from p2l.team.shop import Shop, check_shop_plan, plan_shop, read_shop
+    from p2l.team.tomorrow import TwoStage, check_two_stage_plan, plan_two_stage
     from p2l.worlds.gymnasium import GymnasiumWorld
     from p2l.worlds.table import make_world
 
@@ -53,9 +55,11 @@ __all__ = [
     "Shop",
     "SkillGraph",
     "Trained",
+    "TwoStage",
     "__version__",
     "check_certificate",
     "check_shop_plan",
+    "check_two_stage_plan",
     "discover",
     "explain",
     "learn",
@@ -65,6 +69,7 @@ __all__ = [
     "make_world",
     "plan",
     "plan_shop",
+    "plan_two_stage",
     "read_plan",
     "read_problem",
     "read_shop",
@@ -89,6 +94,7 @@ _HOMES = {
     "p2l.team.planners": ("plan",),
     "p2l.team.problem": ("Decision", "Plan", "Problem"),
     "p2l.team.shop": ("Shop", "check_shop_plan", "plan_shop", "read_shop"),
+    "p2l.team.tomorrow": ("TwoStage", "check_two_stage_plan", "plan_two_stage"),
     "p2l.worlds.gymnasium": ("GymnasiumWorld",),
     "p2l.worlds.table": ("make_world",),
 }

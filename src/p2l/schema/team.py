@@ -20,7 +20,7 @@ from p2l.schema.base import (
     Probability,
     StageConfig,
 )
-from p2l.schema.tomorrow import Future, FutureFiles
+from p2l.schema.tomorrow import FutureConfig, FutureFiles
 from p2l.team.study import Regime, Study
 
 
@@ -163,7 +163,7 @@ class ShopFiles(ConfigSection):
         return tuple(path for path in (self.before, self.robots, self.features, self.trials) if path is not None)
 
 
-class PlanConfig(StudyStageConfig, ShopFiles, Future):
+class PlanConfig(StudyStageConfig, ShopFiles, FutureConfig):
     """Stage `plan`: a person's own tasks (`tasks` and `transfer` given), else sets drawn from the domain.
 
     Planners: see `p2l.team.PLANNERS`; the stage refuses an unknown one. `theta` is the confidence of CBA. `order` is

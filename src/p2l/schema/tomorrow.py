@@ -36,7 +36,7 @@ class FutureFiles(ConfigSection):
         return self
 
 
-class Future(FutureFiles):
+class FutureConfig(FutureFiles):
     """What can be decided tomorrow, and how many samples of it are drawn.
 
     `replications` is 10 for a forecast if none is given, and 0 for scenarios, which are then taken as they are.
@@ -53,7 +53,7 @@ class Future(FutureFiles):
         return default if self.replications is None else self.replications
 
     @model_validator(mode="after")
-    def _only_for_a_future(self) -> Future:
+    def _only_for_a_future(self) -> FutureConfig:
         changes = {"commit": self.commit != "today", "replications": self.replications is not None}
         if not self.has_future and any(changes.values()):
             names = ", ".join(name for name, change in changes.items() if change)

@@ -12,7 +12,7 @@ from p2l.evaluation.team.page_inputs import inputs
 from p2l.evaluation.team.page_parts import STYLE, Column, facts, listing, word
 from p2l.team.plan_files import proof_text
 from p2l.team.shop.files import named_rows
-from p2l.team.tomorrow.reasons import Reasons, explain_estimate
+from p2l.team.tomorrow.reasons import LessonTimes, explain_estimate
 from p2l.team.tomorrow.record import TwoStage, TwoStagePlan
 from p2l.team.tomorrow.sampling import Estimate
 
@@ -37,7 +37,7 @@ def write_tomorrow_page(
     path: Path | str,
     program: TwoStage,
     plan: TwoStagePlan,
-    reasons: Reasons,
+    reasons: LessonTimes,
     estimate: Estimate | None,
     remarks: Sequence[str],
     title: str,
@@ -53,7 +53,7 @@ def write_tomorrow_page(
 def tomorrow_page(
     program: TwoStage,
     plan: TwoStagePlan,
-    reasons: Reasons,
+    reasons: LessonTimes,
     estimate: Estimate | None,
     remarks: Sequence[str],
     title: str,
@@ -104,7 +104,7 @@ def _headline(program: TwoStage, plan: TwoStagePlan, estimate: Estimate | None) 
     return '<section class="headline">\n' + "\n".join(lines) + "\n</section>"
 
 
-def _today(program: TwoStage, reasons: Reasons) -> list[dict[str, object]]:
+def _today(program: TwoStage, reasons: LessonTimes) -> list[dict[str, object]]:
     shop = program.today
     return [
         {
@@ -119,7 +119,7 @@ def _today(program: TwoStage, reasons: Reasons) -> list[dict[str, object]]:
     ]
 
 
-def _waiting(program: TwoStage, reasons: Reasons) -> str:
+def _waiting(program: TwoStage, reasons: LessonTimes) -> str:
     if program.commit == "all":
         return "<p>None is given tomorrow.</p>"
     if not reasons.later:

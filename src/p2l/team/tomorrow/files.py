@@ -19,7 +19,7 @@ from p2l.team.problem import Status
 from p2l.team.shop.files import PROOF, SUMMARY, TABLE, named_rows, proof_arrays, read_proof, read_summary, table_text
 from p2l.team.shop.record import ShopPlan
 from p2l.team.tomorrow.reading import TwoStageReading
-from p2l.team.tomorrow.reasons import Reasons
+from p2l.team.tomorrow.reasons import LessonTimes
 from p2l.team.tomorrow.record import COMMITS, Commit, TwoStage, TwoStagePlan
 from p2l.team.tomorrow.sampling import Estimate
 from p2l.text import guarded_cell
@@ -32,7 +32,7 @@ _GROUPS = {"taught": np.int64, "sequence": np.int64, "decision": np.int64, "robo
 
 
 @dataclass(frozen=True)
-class Setting:
+class TwoStageSetting:
     """What a plan for both days was asked for beside its tables."""
 
     commit: Commit
@@ -44,8 +44,8 @@ def write_two_stage_plan(
     folder: Path | str,
     reading: TwoStageReading,
     plan: TwoStagePlan,
-    reasons: Reasons,
-    setting: Setting,
+    reasons: LessonTimes,
+    setting: TwoStageSetting,
     estimate: Estimate | None = None,
 ) -> None:
     """Write `plan.csv` (today), `tomorrow.csv` (lessons now and later), `plan.json` and `certificate.npz`."""
@@ -75,7 +75,7 @@ def write_two_stage_plan(
     write_text(out / SUMMARY, facts)
 
 
-def lessons_text(program: TwoStage, reasons: Reasons) -> str:
+def lessons_text(program: TwoStage, reasons: LessonTimes) -> str:
     """`tomorrow.csv`: a row per lesson that is given today, or in some scenario tomorrow."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
@@ -137,7 +137,7 @@ def is_two_stage(folder: Path | str) -> bool:
     return read_summary(Path(folder))["planner"] == PLANNER
 
 
-def setting_of(folder: Path | str) -> Setting:
+def setting_of(folder: Path | str) -> TwoStageSetting:
     """What a written plan was asked for.
 
     Raises:
@@ -149,7 +149,7 @@ def setting_of(folder: Path | str) -> Setting:
     numbers = [setting.get(name) for name in ("samples", "seed")]
     if not all(type(each) is int for each in numbers) or setting.get("commit") not in COMMITS:
         raise ArtifactError(f"{Path(folder) / SUMMARY}: what was planned for is unknown; plan again")
-    return Setting(setting["commit"], setting["samples"], setting["seed"])
+    return TwoStageSetting(setting["commit"], setting["samples"], setting["seed"])
 
 
 def _summed_up(program: TwoStage, plan: TwoStagePlan) -> dict[str, Any]:
@@ -196,7 +196,7 @@ def _estimate(estimate: Estimate) -> dict[str, Any]:
     }
 
 
-def _lesson_rows(reasons: Reasons) -> list[dict[str, Any]]:
+def _lesson_rows(reasons: LessonTimes) -> list[dict[str, Any]]:
     """Keys as the columns of `tomorrow.csv`; lesson and robot as indices, what does not apply as None."""
     now: list[dict[str, Any]] = [
         {

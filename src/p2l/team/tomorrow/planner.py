@@ -90,7 +90,7 @@ def day_plan(shop: Shop, taught: IntArray, sequence: IntArray, outcome: TwoStage
 
 
 @dataclass(frozen=True)
-class _Found:
+class _FoundTwoStage:
     """A plan: lessons [T, 2] and sequence [G] of today, lessons [K, 3] of tomorrow, and what it comes to."""
 
     taught: IntArray
@@ -103,7 +103,7 @@ class _Found:
         return self.outcome.total
 
 
-class _TwoStageSearch(OrderSearch[_Found]):
+class _TwoStageSearch(OrderSearch[_FoundTwoStage]):
     def __init__(self, program: TwoStage, deadline: float, gap: float) -> None:
         super().__init__(program.today, deadline, gap)
         self.program = program
@@ -115,7 +115,7 @@ class _TwoStageSearch(OrderSearch[_Found]):
     def bound(self, proof: ShopCertificate) -> float:
         return two_stage_bound(self.program, proof)
 
-    def found(self, reduction: Reduction, open_set: BoolArray, taught: IntArray, sequence: IntArray) -> _Found:
+    def found(self, reduction: Reduction, open_set: BoolArray, taught: IntArray, sequence: IntArray) -> _FoundTwoStage:
         later = _later(self.program, reduction.pairs, open_set)
         outcome = two_stage_outcome(self.program, taught, sequence, later)
         uses = tomorrow_outcome(self.program, taught, later).uses
@@ -130,7 +130,7 @@ class _TwoStageSearch(OrderSearch[_Found]):
         if not used.all():
             taught = taught[used]
             outcome = two_stage_outcome(self.program, taught, sequence, later)
-        return _Found(taught, sequence, later, outcome)
+        return _FoundTwoStage(taught, sequence, later, outcome)
 
 
 def recourse(

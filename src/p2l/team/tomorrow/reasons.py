@@ -56,14 +56,14 @@ class LessonLater:
 
 
 @dataclass(frozen=True)
-class Reasons:
+class LessonTimes:
     """Lessons of today in order of their saving, and those that can wait, the most probable first."""
 
     today: tuple[LessonToday, ...]
     later: tuple[LessonLater, ...]
 
 
-def reasons_of(program: TwoStage, plan: TwoStagePlan, *, time_limit_s: float = 10.0) -> Reasons:
+def lesson_times(program: TwoStage, plan: TwoStagePlan, *, time_limit_s: float = 10.0) -> LessonTimes:
     """Why each lesson is given today, by one more plan without it, and which lessons can wait.
 
     Args:
@@ -83,7 +83,7 @@ def reasons_of(program: TwoStage, plan: TwoStagePlan, *, time_limit_s: float = 1
         LessonLater(lesson, robot, float(program.c_demo[robot, lesson]), share)
         for lesson, robot, share in plan.shares(program)
     ]
-    return Reasons(tuple(sorted(today, key=lambda each: -np.nan_to_num(each.saving, nan=-1.0))), tuple(later))
+    return LessonTimes(tuple(sorted(today, key=lambda each: -np.nan_to_num(each.saving, nan=-1.0))), tuple(later))
 
 
 def _saving(program: TwoStage, plan: TwoStagePlan, lesson: int, robot: int, deadline: float) -> float:
@@ -113,7 +113,9 @@ def _served(shop: Shop, plan: TwoStagePlan, lesson: int, robot: int) -> tuple[st
     return tuple(shop.tasks[each] + (f" ×{count}" if count > 1 else "") for each, count in copies.items())
 
 
-def explain_two_stage(program: TwoStage, plan: TwoStagePlan, reasons: Reasons, estimate: Estimate | None = None) -> str:
+def explain_two_stage(
+    program: TwoStage, plan: TwoStagePlan, reasons: LessonTimes, estimate: Estimate | None = None
+) -> str:
     """The headline, what sampling leaves open, and a table of lessons: now, or later and how probably."""
     mean = float(program.probability @ plan.tomorrow)
     many = f"{program.scenarios} scenario{'' if program.scenarios == 1 else 's'}"

@@ -7,8 +7,11 @@ decided once its orders are known, for every method alike.
 
 Kinds of futures, all with the same expected numbers:
     spread: every type comes a Poisson number of times.
-    lots: a type comes with probability 1 / 10, and then five times as often as its mean times two.
+    lots: a type comes with probability 1 / 10, and then ten times as often as its mean.
     one_type: all of tomorrow's orders are of one type, each equally probable.
+
+Methods: `sample` plans for the futures seen, `mean` for their expected numbers, `myopic` for today alone, `hindsight`
+knows each future today. `sample_all` plans for a tomorrow without lessons, and gets none.
 """
 
 from __future__ import annotations
