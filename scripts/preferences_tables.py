@@ -37,7 +37,7 @@ from p2l.team.study import Block, Regime, Study, TaskSet, make_block, make_probl
 ROOT = Path(__file__).resolve().parents[1]
 VERSION = 1  # raise it when the same people would be asked otherwise
 SEED, POINTS = 0, 8
-PRICES = (20.0, 10.0, 40.0)  # COIL's first
+PRICES = (20.0,)  # of a question, as in COIL
 PEOPLE = {"insertion": 2, "lego": 1}  # of each kind, for every set
 SHAPES = {"bar": "bars", "plate": "plates", "l": "corners", "u": "corners", "t": "crossings", "plus": "crossings",
           "s": "steps", "steps": "steps"}  # fmt: skip
@@ -98,8 +98,8 @@ def recorded(name: str, records: Path, price: float) -> pd.DataFrame:
             record = pd.DataFrame(rows_of(name, study.regimes, block, task_set, truth, price)).to_dict("list")
             write(records, item, record, seconds=time.perf_counter() - start)
         frames.append(pd.DataFrame(record))
-        sys.stderr.write(f"\r{name}, question {price:g}: {index + 1} of {study.blocks} sets")
-    sys.stderr.write("\n")
+        if sys.stderr.isatty():
+            sys.stderr.write(f"\r{name}, question {price:g}: {index + 1} of {study.blocks} sets ")
     return pd.concat(frames)
 
 

@@ -142,6 +142,13 @@ def test_a_wrong_setting_is_refused(stage, words, part):
     assert (code, part in told.err) == (2, True)
 
 
+def test_the_help_is_one_screen(stage):
+    code, told = stage("ask", "--help")
+    assert code == 0
+    assert len(told.out.splitlines()) <= 24
+    assert all(each in told.out for each in ("prior.csv:", "answers.csv:", "c_ask=5", "questions.csv"))
+
+
 def test_an_input_is_not_overwritten(stage, tmp_path):
     (tmp_path / "out").mkdir()
     shutil.copy(tmp_path / "orders.csv", tmp_path / "out" / "expected_orders.csv")

@@ -197,6 +197,7 @@ NEEDS = {
     "fit_transfer": {"torch", "matplotlib"},
     "iterate_recoveries": {"mujoco", "matplotlib", "sklearn"},
     "learn_recoveries": {"mujoco", "matplotlib"},
+    "ask": set(),
     "check_plan": set(),
     "export": {"mujoco", "torch"},
     "plan": set(),

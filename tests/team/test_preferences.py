@@ -227,7 +227,7 @@ def test_the_plan_at_the_mean_is_the_plan_of_least_expected_cost(seed, problem):
 # What a question is worth
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=100, deadline=None)
 @given(SEEDS, st.sampled_from(["fixed", "any"]), st.sampled_from([0.0, 0.0, 30.0]), st.booleans())
 def test_a_question_is_worth_what_every_plan_and_every_answer_say(seed, order, noise, kinds):
     shop, preferences = instance(seed, order, noise, kinds)
@@ -242,7 +242,7 @@ def test_a_question_is_worth_what_every_plan_and_every_answer_say(seed, order, n
         assert (values[family].ahead, values[family].slack) == (0.0, 0.0)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(SEEDS, st.booleans())
 def test_looking_two_questions_ahead_is_worth_what_every_plan_and_every_answer_say(seed, kinds):
     shop, preferences = instance(seed, "fixed", kinds=kinds)
@@ -256,7 +256,7 @@ def test_looking_two_questions_ahead_is_worth_what_every_plan_and_every_answer_s
             assert each.value + each.ahead == pytest.approx(worth[each.family], rel=1e-6, abs=1e-5)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(SEEDS)
 def test_the_optimum_is_concave_in_a_cost_and_plans_in_between_are_not_missed(seed):
     shop, preferences = instance(seed, "fixed")
@@ -361,7 +361,7 @@ def test_other_policies_ask_what_they_say():
     assert ask(none, preferences, 8.0, said, everything(none)).asked == (1, 2)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20, deadline=None)
 @given(SEEDS)
 def test_asking_is_worth_its_cost_on_average_over_all_people(seed):
     """By what is believed: over all costs of the person, ours is never above asking nothing."""
