@@ -37,8 +37,8 @@ _STEPS = 12  # of Newton's method, which ends sooner
 class Setting:
     """How fast outcomes change what is believed.
 
-    The defaults are those that explain best how predictions of `insertion` fail (walls, other seeds than those that
-    plans are judged by; see `scripts/replanning.py`).
+    The defaults are near those that explain best how predictions of `insertion` fail (walls, other seeds than those
+    that plans are judged by; see `scripts/replanning.py`).
 
     Attributes:
         prior_n: attempts that a prediction counts for.
