@@ -27,7 +27,7 @@ WRITES: Mapping[str, tuple[str, ...]] = {
     "cluster": ("modes.*", "labels.npz", "videos/*", "summary.json"),
     "collect": ("transfer_data.npz", "strategy.png", "summary.json"),
     "config": ("*/**/*",),  # it deletes the folders of items that are no more
-    "day": ("rest.csv",),  # day.csv, which people correct, names its plan itself
+    "day": ("rest.csv", "changes.csv"),  # day.csv, which people correct, names its plan itself
     "discover": ("failures_*.npz", "summary.json"),
     "evaluate_chains": ("*.csv", "*.png", "episodes.parquet", "videos/*", "summary.json"),
     "evaluate_recoveries": ("*.csv", "*.png", "episodes.parquet", "summary.json"),

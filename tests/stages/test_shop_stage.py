@@ -204,3 +204,9 @@ def test_the_example_s_shop_from_trials_to_a_plan_that_is_checked(stage, tmp_pat
     assert code == 0, told.err
     assert "order partial" in told.out
     assert ": optimal." in told.out
+    outcomes = Path(SHOP["orders"]).with_name("outcomes.csv")
+    code, told = stage("day", "plan=out", f"outcomes={outcomes}", out="day")
+    assert code == 0, told.err
+    assert "8. bearing_3: not taught; expected cost of the day 295.3 -> 319.5\n  new lesson: bearing_1 (" in told.out
+    assert "43. connector_2: failure; expected cost of the day 216.7 -> 238.4 (240.0 if the plan were kept)" in told.out
+    assert "The day is done: 46 outcomes, cost 223.0." in told.out

@@ -196,7 +196,8 @@ def test_a_lesson_that_fails_is_left():
 def test_a_change_is_told():
     """As above, with a person who does c for 25: kept at 20 expected until the lesson fails on b."""
     shop = three_alike(c_hum=np.array([100.0, 100.0, 25.0]))
-    day = enter(begin(shop, plan_shop(shop)), Event(0, 1, Decision.LEARN, 0, 0, Outcome.DONE))
+    begun = begin(shop, plan_shop(shop), setting=Setting(2.0, 1.0))
+    day = enter(begun, Event(0, 1, Decision.LEARN, 0, 0, Outcome.DONE))
     failed = enter(day, Event(1, 1, Decision.ACT, 0, 0, Outcome.FAILURE))
     text = explain_change(shop, change_of(day, failed))
     kept = 230.0 + 10.0 + 100.0 * (1 - failed.standing.learnt[0].expected[2])

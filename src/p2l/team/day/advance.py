@@ -65,7 +65,7 @@ def advance(day: Day, event: Event) -> Day:
         SolverError: no plan was found in time.
     """
     check_event(day, event)
-    standing = _after(day, event)
+    standing = standing_after(day, event)
     rest = remaining_shop(day.shop, standing)
     after = replace(day, events=(*day.events, event), standing=standing, rest=rest, plan=None)
     if rest is None:
@@ -108,7 +108,7 @@ def replan(day: Day) -> Day:
     return replace(day, rest=replace(day.rest, shop=loose), plan=plan_shop(loose, time_limit_s=day.time_limit_s))
 
 
-def _after(day: Day, event: Event) -> Standing:
+def standing_after(day: Day, event: Event) -> Standing:
     """What the day comes to with one more event."""
     shop, standing = day.shop, day.standing
     done = standing.done.copy()

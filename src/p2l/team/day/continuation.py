@@ -84,6 +84,7 @@ def is_settled(day: Day, event: Event, rest: Rest, kept: ShopPlan) -> bool:
     places = [day.rest.place_of_task[each] for each in rest.task.tolist()]
     assumed = day.rest.shop.pretrained[:, places].copy()
     if event.decision == Decision.LEARN:
-        predicted = day.shop.transfer[event.robot, event.lesson][rest.task]
+        lesson = day.rest.place_of_lesson[event.lesson]
+        predicted = day.rest.shop.transfer[event.robot, lesson][places]
         assumed[event.robot] = np.maximum(assumed[event.robot], predicted)
     return bool(np.array_equal(assumed, rest.shop.pretrained))

@@ -37,6 +37,9 @@ _STEPS = 12  # of Newton's method, which ends sooner
 class Setting:
     """How fast outcomes change what is believed.
 
+    The defaults are near those that explain best how predictions of `insertion` fail (walls, other seeds than those
+    that plans are judged by; see `scripts/replanning.py`).
+
     Attributes:
         prior_n: attempts that a prediction counts for.
         spread: standard deviation of the shift that the log-odds of a lesson's successes share.
@@ -45,8 +48,8 @@ class Setting:
         ConfigError: a number out of range.
     """
 
-    prior_n: float = 2.0
-    spread: float = 1.0
+    prior_n: float = 1.0
+    spread: float = 0.5
 
     def __post_init__(self) -> None:
         if not 0.0 < self.prior_n <= 1e6:
@@ -77,24 +80,33 @@ def expected_skill(
         freeze(name, value, ("n",), sizes, low=0.0)
         for name, value in (("trials", trials), ("successes", successes), ("failures", failures))
     )
-    tried = np.flatnonzero((won > 0.0) | (lost > 0.0))
-    if not len(tried):
+    if not (won.any() or lost.any()):
         return rho
     n = n + setting.prior_n
     if not shared or setting.spread == 0.0:
         return np.asarray((n * rho + won) / (n + won + lost))
-    shift, weight = _grid(setting.spread)
-    share = setting.prior_n / n
-    mean = _shifted(rho, share, shift, weight)  # [n, K]
-    a, b = n[tried, None] * mean[tried], n[tried, None] * (1.0 - mean[tried])
-    s, f = won[tried, None], lost[tried, None]
-    log_posterior = np.log(weight) + (special.betaln(a + s, b + f) - special.betaln(a, b)).sum(axis=0)
+    mean, log_posterior = _given_shift(rho, n, won, lost, setting)
     posterior = np.exp(log_posterior - log_posterior.max())
-    posterior /= posterior.sum()
-    expected = mean @ posterior
+    expected = mean @ (posterior / posterior.sum())
     is_sure = (rho <= _SURE) | (rho >= 1.0 - _SURE)
     expected[is_sure] = rho[is_sure]
     return np.clip((n * expected + won) / (n + won + lost), 0.0, 1.0)
+
+
+def log_likelihood(predicted: Array, successes: Array, failures: Array, setting: Setting) -> float:
+    """How well a setting explains outcomes [n] of one lesson whose predictions [n] no attempts are behind."""
+    _, joint = _given_shift(predicted, np.full(len(predicted), setting.prior_n), successes, failures, setting)
+    return float(special.logsumexp(joint))
+
+
+def _given_shift(rho: Array, n: Array, won: Array, lost: Array, setting: Setting) -> tuple[Array, Array]:
+    """Mean success of each task after each shift, [n, K], and [K] log probability of the shift and the outcomes."""
+    shift, weight = _grid(setting.spread)
+    mean = _shifted(rho, setting.prior_n / n, shift, weight)
+    tried = np.flatnonzero((won > 0.0) | (lost > 0.0))
+    a, b = n[tried, None] * mean[tried], n[tried, None] * (1.0 - mean[tried])
+    s, f = won[tried, None], lost[tried, None]
+    return mean, np.log(weight) + (special.betaln(a + s, b + f) - special.betaln(a, b)).sum(axis=0)
 
 
 @cache
