@@ -1,5 +1,6 @@
 """A person whose costs are not known: laws of what is believed and of what a question is worth, and its oracle."""
 
+import doctest
 import itertools
 from dataclasses import replace
 
@@ -26,6 +27,8 @@ from p2l.team.preferences import (
     next_question,
     possible_answers,
     question_values,
+    record,
+    values,
 )
 from p2l.team.preferences.dialogue import everything, most_uncertain, nothing, worth_most
 from p2l.team.preferences.oracle import EveryPlan, every_answer
@@ -315,6 +318,12 @@ def test_two_questions_that_only_pay_together_are_missed_by_one_step_and_found_b
     assert (done.asked, done.spent, done.plan.objective) == ((0, 1), 10.0, 40.0)
     slow = ask(shop, preferences, 5.0, lambda _: 140.0, worth_most(optima, 5.0, look_ahead=2))
     assert (slow.asked, slow.plan.objective) == ((0,), 90.0)
+
+
+@pytest.mark.parametrize("module", [record, values])
+def test_the_examples_run(module):
+    assert doctest.testmod(module).attempted > 1
+    assert doctest.testmod(module).failed == 0
 
 
 def test_refusals():

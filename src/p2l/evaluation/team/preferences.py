@@ -82,5 +82,5 @@ def preference_figure(table: pd.DataFrame, c_ask: float, regime: str) -> Figure:
         for each in (above, below):
             plain(each)
             each.set_xticks(range(len(kinds)), kinds)
-    axes[0, 0].legend(fontsize=8, ncols=2, loc="lower left", framealpha=0.9)
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), ncols=len(LABELS), loc="outside lower center", fontsize=9)
     return figure

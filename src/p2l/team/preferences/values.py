@@ -171,7 +171,7 @@ def question_values(
 
         >>> import numpy as np
         >>> from p2l import Problem, Shop
-        >>> from p2l.team.preferences import Preferences, question_values
+        >>> from p2l.team.preferences import CostPrior, Preferences, question_values
         >>> cost = {name: np.full(2, value) for name, value in (("c_rob", 10.0), ("c_hum", 80.0), ("c_fail", 100.0))}
         >>> day = Shop.of_problem(Problem(("peg", "pin"), **cost, c_demo=np.full(2, 100.0), pretrained=np.zeros(2),
         ...                               transfer=np.ones((2, 2))))
