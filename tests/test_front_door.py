@@ -78,5 +78,5 @@ def test_no_module_is_longer_than_a_room_allows():
 def test_no_stage_script_is_longer_than_sixty_lines():
     scripts = [file for file in (ROOT / "stages").glob("*.py") if not file.name.startswith("_")]
     lengths = {file.name: len(file.read_text(encoding="utf-8").splitlines()) for file in scripts}
-    assert len(lengths) == 18
+    assert len(lengths) == 19
     assert {name: lines for name, lines in lengths.items() if lines > 60} == {}

@@ -34,7 +34,7 @@ _STEPS = 12  # of Newton's method, which ends sooner
 
 
 @dataclass(frozen=True)
-class Setting:
+class SkillPrior:
     """How fast outcomes change what is believed.
 
     The defaults are near those that explain best how predictions of `insertion` fail (walls, other seeds than those
@@ -59,7 +59,7 @@ class Setting:
 
 
 def expected_skill(
-    predicted: Array, trials: Array, successes: Array, failures: Array, setting: Setting, *, shared: bool = True
+    predicted: Array, trials: Array, successes: Array, failures: Array, setting: SkillPrior, *, shared: bool = True
 ) -> Array:
     """[n] posterior mean of one skill's success.
 
@@ -93,13 +93,13 @@ def expected_skill(
     return np.clip((n * expected + won) / (n + won + lost), 0.0, 1.0)
 
 
-def log_likelihood(predicted: Array, successes: Array, failures: Array, setting: Setting) -> float:
+def log_likelihood(predicted: Array, successes: Array, failures: Array, setting: SkillPrior) -> float:
     """How well a setting explains outcomes [n] of one lesson whose predictions [n] no attempts are behind."""
     _, joint = _given_shift(predicted, np.full(len(predicted), setting.prior_n), successes, failures, setting)
     return float(special.logsumexp(joint))
 
 
-def _given_shift(rho: Array, n: Array, won: Array, lost: Array, setting: Setting) -> tuple[Array, Array]:
+def _given_shift(rho: Array, n: Array, won: Array, lost: Array, setting: SkillPrior) -> tuple[Array, Array]:
     """Mean success of each task after each shift, [n, K], and [K] log probability of the shift and the outcomes."""
     shift, weight = _grid(setting.spread)
     mean = _shifted(rho, setting.prior_n / n, shift, weight)
