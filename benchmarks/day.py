@@ -14,7 +14,7 @@ import numpy as np
 
 from benchmarks import report
 from benchmarks.shop import made_up
-from p2l.team.day import Day, Event, Outcome, Step, advance, begin, next_step, remaining_shop, replan
+from p2l.team.day import Day, Event, EventOutcome, Step, advance, begin, next_step, remaining_shop, replan
 from p2l.team.day.advance import standing_after
 from p2l.team.problem import Decision
 from p2l.team.shop import plan_shop
@@ -23,9 +23,9 @@ from p2l.team.shop.record import ShopOrder
 
 def event_of(step: Step, rng: np.random.Generator) -> Event:
     """What happens at a step, by chance as predicted."""
-    outcome = Outcome.DONE
+    outcome = EventOutcome.DONE
     if step.decision == Decision.ACT:
-        outcome = Outcome.SUCCESS if rng.random() < step.p_success else Outcome.FAILURE
+        outcome = EventOutcome.SUCCESS if rng.random() < step.p_success else EventOutcome.FAILURE
     return Event(step.task, step.copy, step.decision, step.robot, step.lesson, outcome)
 
 

@@ -10,7 +10,7 @@ number per task, the same for all ways and cases of a set.
     python scripts/replanning.py results/thesis --setting
 
 prints the log likelihood of `prior_n` and `spread` on the tasks of `collect` with seeds 101 and 102 under the predictor
-of seed 0 (insertion, walls), from which the defaults of `p2l.team.day.Setting` are.
+of seed 0 (insertion, walls), from which the defaults of `p2l.team.day.SkillPrior` are.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from p2l.records import Array, IntArray, TransferData
 from p2l.schema import PlanConfig, resolve, validate
 from p2l.seeding import generator
 from p2l.team.day.simulation import WAYS, Result, simulate, truths_of
-from p2l.team.day.skills import Setting, log_likelihood
+from p2l.team.day.skills import SkillPrior, log_likelihood
 from p2l.team.execute import Truth, recorded_truth
 from p2l.team.pretrained import recorded_pretrained
 from p2l.team.problem import Problem
@@ -46,7 +46,7 @@ from p2l.transfer.model import TransferModel, load_transfer_model
 
 ROOT = Path(__file__).resolve().parents[1]
 VERSION, WALKS, LIMIT_S = 1, 8, 60.0
-SETTING = Setting()
+SETTING = SkillPrior()
 # domain, encoding, what is known of pre-trained skills in the morning, levels of pre-training at most. Lego has no
 # measurement of its own: there it is what the true plan sees of them. The thesis's encoding is a reference, at level 0.
 VARIANTS = (
@@ -211,7 +211,7 @@ def print_setting(work: Path, records: Path) -> None:
     sys.stdout.write("prior_n spread log_likelihood\n")
     for prior_n in (0.3, 0.5, 1.0, 2.0, 4.0):
         for spread in (0.0, 0.25, 0.5, 0.75, 1.0, 1.5):
-            total = sum(log_likelihood(*lesson, Setting(prior_n, spread)) for lesson in lessons)
+            total = sum(log_likelihood(*lesson, SkillPrior(prior_n, spread)) for lesson in lessons)
             sys.stdout.write(f"{prior_n:g} {spread:g} {total:.1f}\n")
 
 

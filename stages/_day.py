@@ -12,7 +12,7 @@ from p2l.artifacts import write_text
 from p2l.errors import InputError
 from p2l.team.day import Day, change_of, explain_change, next_step
 from p2l.team.day.change import way
-from p2l.team.day.entries import Entry, replay
+from p2l.team.day.entries import DayEntry, replay
 from p2l.team.day.files import DayFile, append_event, restore
 from p2l.team.day.record import ALLOWED
 from p2l.team.problem import Decision
@@ -36,7 +36,7 @@ class Walk:
         self.changes: list[tuple[str, ...]] = []
         self.day: Day
         self.file: DayFile
-        self.wrong: Entry | None = None
+        self.wrong: DayEntry | None = None
 
     def go_on(self, morning: Day, file: DayFile) -> None:
         """Take up what stands in `day.csv`, up to its last good row, and say what comes next."""
@@ -51,7 +51,7 @@ class Walk:
         if self.day.events:
             print(f"{len(self.day.events)} outcomes are in {self.path}. {self._costs()}")
 
-    def enter(self, entries: Iterable[Entry], name: str) -> None:
+    def enter(self, entries: Iterable[DayEntry], name: str) -> None:
         """Enter rows of a person's own; those that are in `day.csv` already are skipped if they have their step.
 
         Raises:
@@ -77,7 +77,7 @@ class Walk:
                 continue
             cells = _cells(text, step.decision)
             try:
-                self._enter(Entry(len(self.day.events) + 1, cells), "typed")
+                self._enter(DayEntry(len(self.day.events) + 1, cells), "typed")
             except InputError as error:
                 print(f"{printable(str(error))}. Nothing is entered.")
 
@@ -106,7 +106,7 @@ class Walk:
         tasks = "1 task is" if left == 1 else f"{left} tasks are"
         return f"{tasks} left after {len(day.events)} outcomes. {self._costs()}"
 
-    def _enter(self, entry: Entry, name: str) -> None:
+    def _enter(self, entry: DayEntry, name: str) -> None:
         before = self.day
         after, _, problem = replay(before, [entry], name)
         if problem is not None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from p2l.schema import DayConfig
-from p2l.team.day import Setting, begin
+from p2l.team.day import SkillPrior, begin
 from p2l.team.day.files import DAY, key_of, read_day, read_outcomes
 from p2l.team.shop.files import read_shop_plan
 from p2l.team.shop.saved import load_shop
@@ -19,7 +19,7 @@ def run(cfg: DayConfig, out: Path, track: Tracker) -> None:
     """Go on from `day.csv`, enter what happened, and write the plan for the rest."""
     saved = load_shop(cfg.plan)
     plan = read_shop_plan(cfg.plan, saved.shop, saved.extra)
-    setting = Setting(cfg.prior_n, cfg.spread)
+    setting = SkillPrior(cfg.prior_n, cfg.spread)
     morning = begin(saved.shop, plan, trials=saved.trials, setting=setting, time_limit_s=cfg.time_limit_s)
     key = key_of(morning)
     file = read_day(out / DAY, key)

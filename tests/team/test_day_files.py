@@ -11,7 +11,7 @@ from shop_instances import small_shop
 from p2l.errors import ArtifactError, InputError
 from p2l.team import Problem
 from p2l.team.day import begin
-from p2l.team.day.entries import Entry, replay
+from p2l.team.day.entries import DayEntry, replay
 from p2l.team.day.files import DAY, REFUSED, append_event, key_of, read_day, read_outcomes, restore
 from p2l.team.shop import Shop, plan_shop
 from p2l.team.shop.saved import SHOP, SavedShop, load_shop, save_shop
@@ -36,7 +36,7 @@ def entered(path, day, rows):
     now, wrong, _ = replay(day, file.entries, str(path))
     size = restore(path, now, key, file, wrong)
     for cells in rows[len(now.events) :]:
-        now, _, problem = replay(now, [Entry(0, cells)], "typed")
+        now, _, problem = replay(now, [DayEntry(0, cells)], "typed")
         assert problem is None
         size = append_event(path, now, key, size)
     return now

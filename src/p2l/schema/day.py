@@ -11,7 +11,7 @@ from p2l.schema.base import Positive, StageConfig
 
 
 class DayConfig(StageConfig):
-    """Stage `day`: the plan of a person's own tasks, and what happened; see `p2l.team.day.Setting`."""
+    """Stage `day`: the plan of a person's own tasks, and what happened; see `p2l.team.day.SkillPrior`."""
 
     plan: Path
     outcomes: Path | None

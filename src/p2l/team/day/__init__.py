@@ -6,9 +6,9 @@ Read `record` (what a day is), then `skills` (what outcomes say of a lesson), `r
 
 from p2l.team.day.advance import advance, begin, replan
 from p2l.team.day.change import Change, change_of, explain_change
-from p2l.team.day.record import Day, Event, EventError, Outcome, Step
+from p2l.team.day.record import Day, Event, EventError, EventOutcome, Step
 from p2l.team.day.remaining import Rest, remaining_shop
-from p2l.team.day.skills import Setting
+from p2l.team.day.skills import SkillPrior
 from p2l.team.day.steps import next_step, planned_step
 
 __all__ = [
@@ -16,9 +16,9 @@ __all__ = [
     "Day",
     "Event",
     "EventError",
-    "Outcome",
+    "EventOutcome",
     "Rest",
-    "Setting",
+    "SkillPrior",
     "Step",
     "advance",
     "begin",

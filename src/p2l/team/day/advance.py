@@ -21,9 +21,9 @@ from p2l.records import Array
 from p2l.team.certificate import PROVEN
 from p2l.team.day.checks import check_event
 from p2l.team.day.continuation import continued, is_settled
-from p2l.team.day.record import Day, Event, Outcome
+from p2l.team.day.record import Day, Event, EventOutcome
 from p2l.team.day.remaining import Learnt, Standing, remaining_shop
-from p2l.team.day.skills import Setting, expected_skill
+from p2l.team.day.skills import SkillPrior, expected_skill
 from p2l.team.problem import Decision, relative_gap
 from p2l.team.shop.outcome import shop_outcome
 from p2l.team.shop.planner import plan_shop
@@ -35,7 +35,7 @@ def begin(
     plan: ShopPlan,
     *,
     trials: Array | None = None,
-    setting: Setting | None = None,
+    setting: SkillPrior | None = None,
     time_limit_s: float = 60.0,
 ) -> Day:
     """A day on which nothing has happened yet.
@@ -54,7 +54,7 @@ def begin(
     standing = Standing.morning(shop)
     known = np.zeros(shop.transfer.shape) if trials is None else trials
     rest = remaining_shop(shop, standing)
-    return Day(shop, known, setting or Setting(), time_limit_s, (), standing, rest, plan)
+    return Day(shop, known, setting or SkillPrior(), time_limit_s, (), standing, rest, plan)
 
 
 def advance(day: Day, event: Event) -> Day:
@@ -118,20 +118,20 @@ def standing_after(day: Day, event: Event) -> Standing:
         return replace(standing, done=done, shown=-1, spent=standing.spent + float(shop.c_hum[event.task]))
     at = (event.robot, event.task)
     if event.decision == Decision.ACT:
-        failed = event.outcome == Outcome.FAILURE
+        failed = event.outcome == EventOutcome.FAILURE
         cost = float(shop.c_rob[at]) + (float(shop.c_fail[at]) if failed else 0.0)
         standing = replace(standing, done=done, shown=-1, spent=standing.spent + cost)
         return _with_attempt(day, standing, event, failed)
     price = float(shop.c_demo[event.robot, event.lesson])
     learnt = standing.learnt
-    if event.outcome == Outcome.DONE:
+    if event.outcome == EventOutcome.DONE:
         nothing = np.zeros(shop.n)
         new = Learnt(event.lesson, event.robot, nothing, nothing, shop.transfer[event.robot, event.lesson])
         learnt = (*learnt, new)
     return replace(
         standing, done=done, learnt=learnt, spent=standing.spent + price, teaching=standing.teaching + price,
         demonstrations=standing.demonstrations + 1,
-        shown=event.lesson if shop.completes[event.lesson] >= 0 and event.outcome == Outcome.DONE else -1,
+        shown=event.lesson if shop.completes[event.lesson] >= 0 and event.outcome == EventOutcome.DONE else -1,
     )  # fmt: skip
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from p2l.errors import ShapeError
 from p2l.records import IntArray
 from p2l.team.certificate import PROVEN
-from p2l.team.day.record import Day, Event, Outcome
+from p2l.team.day.record import Day, Event, EventOutcome
 from p2l.team.day.remaining import Rest
 from p2l.team.day.steps import next_step
 from p2l.team.problem import Decision, relative_gap
@@ -77,7 +77,7 @@ def is_settled(day: Day, event: Event, rest: Rest, kept: ShopPlan) -> bool:
     assert day.plan is not None
     step = next_step(day)
     went = (event.task, event.copy, event.decision, event.robot, event.lesson)
-    if step is None or kept.status != "optimal" or event.outcome == Outcome.NOT_TAUGHT:
+    if step is None or kept.status != "optimal" or event.outcome == EventOutcome.NOT_TAUGHT:
         return False
     if went != (step.task, step.copy, step.decision, step.robot, step.lesson):
         return False

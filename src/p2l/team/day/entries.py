@@ -13,18 +13,18 @@ from typing import NamedTuple
 from p2l.errors import InputError
 from p2l.team.columns import likeness
 from p2l.team.day.advance import advance
-from p2l.team.day.record import Day, Event, EventError, Outcome, Step
+from p2l.team.day.record import Day, Event, EventError, EventOutcome, Step
 from p2l.team.day.steps import next_step, planned_step
 from p2l.team.problem import Decision
 from p2l.text import guarded_cell
 
 COLUMNS = ("step", "task", "copy", "decision", "robot", "lesson", "outcome", "note", "plan")
 _DECISIONS = {each.name.lower(): each for each in Decision}
-_OUTCOMES = {str(each): each for each in Outcome}
+_OUTCOMES = {str(each): each for each in EventOutcome}
 
 
 @dataclass(frozen=True)
-class Entry:
+class DayEntry:
     """A row: its line in a file, and its cells by column; what it does not have is left out."""
 
     line: int
@@ -35,7 +35,7 @@ class Entry:
         return self.cells.get(column, "").strip()
 
 
-def event_of(day: Day, entry: Entry) -> Event:
+def event_of(day: Day, entry: DayEntry) -> Event:
     """The event that a row tells.
 
     Args:
@@ -86,11 +86,13 @@ class Replay(NamedTuple):
     """The day after the last good row, and the first row that is wrong, with what is wrong with it."""
 
     day: Day
-    wrong: Entry | None = None
+    wrong: DayEntry | None = None
     problem: InputError | None = None
 
 
-def replay(day: Day, entries: Iterable[Entry], name: str, seen: Callable[[Day, Day], object] | None = None) -> Replay:
+def replay(
+    day: Day, entries: Iterable[DayEntry], name: str, seen: Callable[[Day, Day], object] | None = None
+) -> Replay:
     """Enter rows one by one, up to the first that cannot be.
 
     Args:
@@ -110,13 +112,13 @@ def replay(day: Day, entries: Iterable[Entry], name: str, seen: Callable[[Day, D
     return Replay(day)
 
 
-def _note(entry: Entry) -> str:
+def _note(entry: DayEntry) -> str:
     """In one line, so that half a row is told; without the apostrophe that our own tables put before a formula."""
     note = " ".join(entry["note"].split())
     return note[1:] if note.startswith("'") and guarded_cell(note[1:]) == note else note
 
 
-def _step(day: Day, entry: Entry) -> Step:
+def _step(day: Day, entry: DayEntry) -> Step:
     """What the plan has for the row's task, or next if it names none."""
     following, name = next_step(day), entry["task"]
     if not name:
@@ -145,7 +147,7 @@ def _step(day: Day, entry: Entry) -> Step:
     return Step(task, 0, Decision.LEARN, robot, lesson, 1.0, float(shop.c_demo[robot, lesson]))
 
 
-def _robot(day: Day, entry: Entry, decision: Decision, step: Step) -> int:
+def _robot(day: Day, entry: DayEntry, decision: Decision, step: Step) -> int:
     if decision == Decision.DELEGATE:
         return -1
     robots, name = _names(day.shop.robots), entry["robot"]
@@ -156,7 +158,7 @@ def _robot(day: Day, entry: Entry, decision: Decision, step: Step) -> int:
     raise EventError("robot", f"'{name}' is no robot; give {', '.join(robots)}")
 
 
-def _lesson(day: Day, entry: Entry, decision: Decision, step: Step) -> int:
+def _lesson(day: Day, entry: DayEntry, decision: Decision, step: Step) -> int:
     if decision == Decision.DELEGATE:
         return -1
     lessons, name = _names(day.shop.lessons), entry["lesson"]

@@ -19,7 +19,7 @@ import numpy as np
 from p2l.artifacts import atomic, config_hash, digest_bytes
 from p2l.errors import ArtifactError, InputError
 from p2l.team.columns import known_columns
-from p2l.team.day.entries import COLUMNS, Entry, cells_of
+from p2l.team.day.entries import COLUMNS, DayEntry, cells_of
 from p2l.team.day.record import Day
 from p2l.team.sheets import read_sheet
 
@@ -37,7 +37,7 @@ class DayFile:
         text: all of it.
     """
 
-    entries: tuple[Entry, ...]
+    entries: tuple[DayEntry, ...]
     torn: str
     text: str
 
@@ -87,7 +87,7 @@ def read_day(path: Path, key: str) -> DayFile:
     return DayFile(tuple(entries), torn, text)
 
 
-def read_outcomes(path: Path | str, key: str) -> list[Entry]:
+def read_outcomes(path: Path | str, key: str) -> list[DayEntry]:
     """Rows of a person's own table, in any form that `read_sheet` knows.
 
     Raises:
@@ -95,7 +95,7 @@ def read_outcomes(path: Path | str, key: str) -> list[Entry]:
     """
     sheet = read_sheet(path)
     at = known_columns(sheet, COLUMNS, ("outcome",), "row")
-    entries = [Entry(line, {name: cells[place] for name, place in at.items()}) for line, cells in sheet.rows]
+    entries = [DayEntry(line, {name: cells[place] for name, place in at.items()}) for line, cells in sheet.rows]
     for entry in entries:
         _check_key(Path(sheet.name), entry, key)
     return entries
@@ -134,7 +134,7 @@ def append_event(path: Path, day: Day, key: str, size: int) -> int:
     return size + len(data)
 
 
-def restore(path: Path, day: Day, key: str, file: DayFile, wrong: Entry | None) -> int:
+def restore(path: Path, day: Day, key: str, file: DayFile, wrong: DayEntry | None) -> int:
     """Leave the good rows in `day.csv`, and what followed them in `day.refused.csv`; returns the size of the first.
 
     Args:
@@ -168,13 +168,13 @@ def _header(path: Path, line: int, cells: list[str]) -> list[str]:
     return header
 
 
-def _entry(path: Path, line: int, header: list[str], cells: list[str], key: str) -> Entry:
-    entry = Entry(line, dict(zip(header, cells, strict=False)))
+def _entry(path: Path, line: int, header: list[str], cells: list[str], key: str) -> DayEntry:
+    entry = DayEntry(line, dict(zip(header, cells, strict=False)))
     _check_key(path, entry, key)
     return entry
 
 
-def _check_key(path: Path, entry: Entry, key: str) -> None:
+def _check_key(path: Path, entry: DayEntry, key: str) -> None:
     if entry[_KEY] and entry[_KEY] != key:
         problem = f"'{entry[_KEY]}' is another plan, or one with other settings (prior_n, spread); this one is {key}"
         raise InputError.at(path, entry.line, _KEY, problem)

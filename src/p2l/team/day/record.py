@@ -13,12 +13,12 @@ from enum import StrEnum
 from p2l.errors import InputError
 from p2l.records import Array, freeze
 from p2l.team.day.remaining import Rest, Standing
-from p2l.team.day.skills import Setting
+from p2l.team.day.skills import SkillPrior
 from p2l.team.problem import Decision
 from p2l.team.shop.record import Shop, ShopPlan
 
 
-class Outcome(StrEnum):
+class EventOutcome(StrEnum):
     """How a step ended."""
 
     SUCCESS = "success"
@@ -27,10 +27,10 @@ class Outcome(StrEnum):
     NOT_TAUGHT = "not taught"
 
 
-ALLOWED: Mapping[Decision, tuple[Outcome, ...]] = {
-    Decision.ACT: (Outcome.SUCCESS, Outcome.FAILURE),
-    Decision.DELEGATE: (Outcome.DONE,),
-    Decision.LEARN: (Outcome.DONE, Outcome.NOT_TAUGHT),
+ALLOWED: Mapping[Decision, tuple[EventOutcome, ...]] = {
+    Decision.ACT: (EventOutcome.SUCCESS, EventOutcome.FAILURE),
+    Decision.DELEGATE: (EventOutcome.DONE,),
+    Decision.LEARN: (EventOutcome.DONE, EventOutcome.NOT_TAUGHT),
 }
 
 
@@ -61,7 +61,7 @@ class Event:
     decision: Decision
     robot: int
     lesson: int
-    outcome: Outcome
+    outcome: EventOutcome
     note: str = ""
 
 
@@ -95,7 +95,7 @@ class Day:
 
     shop: Shop
     trials: Array
-    setting: Setting
+    setting: SkillPrior
     time_limit_s: float
     events: tuple[Event, ...]
     standing: Standing

@@ -26,8 +26,8 @@ import numpy as np
 
 from p2l.records import Array, IntArray
 from p2l.team.day.advance import advance, begin
-from p2l.team.day.record import Day, Event, Outcome, Step
-from p2l.team.day.skills import Setting
+from p2l.team.day.record import Day, Event, EventOutcome, Step
+from p2l.team.day.skills import SkillPrior
 from p2l.team.day.steps import next_step
 from p2l.team.problem import Decision
 from p2l.team.shop.outcome import attempt_cost
@@ -66,7 +66,13 @@ class Result:
 
 
 def simulate(
-    shop: Shop, plan: ShopPlan, truths: Truths, uniforms: Array, way: Way, setting: Setting, time_limit_s: float = 60.0
+    shop: Shop,
+    plan: ShopPlan,
+    truths: Truths,
+    uniforms: Array,
+    way: Way,
+    setting: SkillPrior,
+    time_limit_s: float = 60.0,
 ) -> list[Result]:
     """Walk through a day once for each row of draws.
 
@@ -107,10 +113,10 @@ def _walk(day: Day, truths: Truths, uniforms: Array, way: Way, known: dict[tuple
         costs.append(cost)
         failures += failure
         decisions.append(step.decision)
-        outcome = Outcome.DONE
+        outcome = EventOutcome.DONE
         if step.decision == Decision.ACT:
             is_success = uniforms[step.task] < _rate(truths, step.task, step.lesson)
-            outcome = Outcome.SUCCESS if is_success else Outcome.FAILURE
+            outcome = EventOutcome.SUCCESS if is_success else EventOutcome.FAILURE
         event = Event(step.task, step.copy, step.decision, step.robot, step.lesson, outcome)
         events = (*day.events, event)
         if events not in known:

@@ -30,11 +30,11 @@ from p2l.records import Array, freeze
 
 _NODES, _REACH = 61, 5.0  # of the grid: nodes, and standard deviations to each side
 _SURE = 1e-12  # a prediction of 0 or 1 tells of the shift what one that is this far from it would
-_STEPS = 12  # of Newton's method, which ends sooner
+_STEPS, _CLOSE, _LEAST = 60, 1e-12, 1e-15  # of Newton's method, which ends sooner; its error; no probability is less
 
 
 @dataclass(frozen=True)
-class Setting:
+class SkillPrior:
     """How fast outcomes change what is believed.
 
     The defaults are near those that explain best how predictions of `insertion` fail (walls, other seeds than those
@@ -59,7 +59,7 @@ class Setting:
 
 
 def expected_skill(
-    predicted: Array, trials: Array, successes: Array, failures: Array, setting: Setting, *, shared: bool = True
+    predicted: Array, trials: Array, successes: Array, failures: Array, setting: SkillPrior, *, shared: bool = True
 ) -> Array:
     """[n] posterior mean of one skill's success.
 
@@ -93,13 +93,13 @@ def expected_skill(
     return np.clip((n * expected + won) / (n + won + lost), 0.0, 1.0)
 
 
-def log_likelihood(predicted: Array, successes: Array, failures: Array, setting: Setting) -> float:
+def log_likelihood(predicted: Array, successes: Array, failures: Array, setting: SkillPrior) -> float:
     """How well a setting explains outcomes [n] of one lesson whose predictions [n] no attempts are behind."""
     _, joint = _given_shift(predicted, np.full(len(predicted), setting.prior_n), successes, failures, setting)
     return float(special.logsumexp(joint))
 
 
-def _given_shift(rho: Array, n: Array, won: Array, lost: Array, setting: Setting) -> tuple[Array, Array]:
+def _given_shift(rho: Array, n: Array, won: Array, lost: Array, setting: SkillPrior) -> tuple[Array, Array]:
     """Mean success of each task after each shift, [n, K], and [K] log probability of the shift and the outcomes."""
     shift, weight = _grid(setting.spread)
     mean = _shifted(rho, setting.prior_n / n, shift, weight)
@@ -122,12 +122,17 @@ def _shifted(rho: Array, share: Array, shift: Array, weight: Array) -> Array:
     target = special.logit(np.clip(rho, _SURE, 1.0 - _SURE))
     offset = target.copy()
     moved = share[:, None] * shift
-    for _ in range(_STEPS):  # logit of the mean is nearly linear in the offset, with a slope below 1
+    low, high = target - np.abs(moved).max(axis=1), target + np.abs(moved).max(axis=1)
+    for _ in range(
+        _STEPS
+    ):  # Newton's method on the logit of the mean, which is nearly linear, within bounds that close
         p = special.expit(offset[:, None] + moved)
-        mean = p @ weight
+        mean = np.clip(p @ weight, _LEAST, 1.0 - _LEAST)
+        error = target - special.logit(mean)
+        low, high = np.where(error > 0.0, offset, low), np.where(error < 0.0, offset, high)
         slope = (p * (1.0 - p)) @ weight / (mean * (1.0 - mean))
-        step = (target - special.logit(mean)) / slope
-        offset = offset + step
-        if np.abs(step).max() < 1e-12:
+        step = offset + error / np.maximum(slope, _LEAST)
+        offset = np.where((step >= low) & (step <= high), step, 0.5 * (low + high))
+        if np.abs(error).max() < _CLOSE:
             break
-    return np.asarray(special.expit(offset[:, None] + moved))
+    return np.clip(special.expit(offset[:, None] + moved), _SURE, 1.0 - _SURE)  # a beta needs both
