@@ -21,13 +21,15 @@ from p2l.team.facility.count import CountCase
 from p2l.team.facility.fixing import Core, fix, shrink
 from p2l.team.facility.local_search import columns_of, descend, open_cost
 from p2l.team.facility.tree import Tree
-from p2l.team.facility.volume import CLOSED, FREE, OPEN, Bound, raise_bound
+from p2l.team.facility.volume import CLOSED, FREE, OPEN, Bound, Pace, raise_bound
 from p2l.team.facility.walk import Walk
 
 _ITERATIONS = 150  # of the volume algorithm per node at most
-_LOOK, _PROGRESS = 30, 0.2  # a node is given up, and split, when so many of them close less of the gap
-_WIDE, _WIDE_STEP, _STEP = 0.05, 0.1, 0.03  # from this relative gap on, nodes take wide steps
+_WIDE_PACE = Pace(step=0.1, look=30, progress=0.2)  # a node that comes no nearer to the plan is split
+_PACE = Pace(step=0.03, look=60, progress=0.4)
+_WIDE = 0.05  # from this relative gap on, nodes take wide steps
 _ROUNDED_NODES = 20  # these try to improve the plan, afterwards every tenth does
+_WALKED = 60  # iterations per node that a tabu search's share is counted by
 _WORTH_SHRINKING = 500  # pairs; a smaller instance costs nothing to evaluate
 _READ = 10  # pairs of a demand that an iteration reads, about, where it has many
 _WALK = 4e6  # steps of tabu search at a time
@@ -140,7 +142,7 @@ def branch_and_bound(
     frontier.push(part.bound.value, part.node, part.bound.multipliers, part.core, 0)
     share, steps, nodes = _walk_share(part.bound.value + part.offset, best.upper), 0.0, 0
     gap = target.cutoff(best.upper) - part.offset - part.bound.value
-    step = _WIDE_STEP if gap > _WIDE * (part.bound.value + gap) else _STEP
+    pace = _WIDE_PACE if gap > _WIDE * (part.bound.value + gap) else _PACE
     while frontier:
         if alarm.rang:
             return Search(best, _left(part, frontier, target.cutoff(best.upper), tree), False)
@@ -150,12 +152,12 @@ def branch_and_bound(
             continue
         core = case.core
         v, state = case.multipliers, core.state
-        case_bound = raise_bound(core.pairs, state, v, cutoff, _ITERATIONS, _PROGRESS, alarm.flag, step, _LOOK)
+        case_bound = raise_bound(core.pairs, state, v, cutoff, _ITERATIONS, alarm.flag, pace)
         tree.price(case.serial, case_bound.multipliers, part.price)
         if nodes < _ROUNDED_NODES or nodes % 10 == 0:
             best = best.or_better(root, core, _rounding(core, case_bound))
         nodes += 1
-        steps += share * _LOOK * min(len(core.pairs.cost), _READ * core.pairs.demands)
+        steps += share * _WALKED * min(len(core.pairs.cost), _READ * core.pairs.demands)
         if steps >= _WALK:
             best, steps = best.after(walk, steps, alarm), 0.0
         cutoff = target.cutoff(best.upper) - part.offset

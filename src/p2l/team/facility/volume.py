@@ -22,7 +22,6 @@ from p2l.team.facility.pairs import Pairs
 
 State = npt.NDArray[np.int8]
 FREE, OPEN, CLOSED = 0, 1, -1
-_FIRST_STEP = 0.1
 _CHECK = 100  # iterations after which the averages may become slower
 
 
@@ -42,16 +41,31 @@ class Bound(NamedTuple):
     share: Array
 
 
+class Pace(NamedTuple):
+    """How volume iterations go on.
+
+    Attributes:
+        step: the first one, as a share of the way to what a known plan costs.
+        look: iterations between two looks at the progress.
+        progress: they end when a look finds that less than this share of the gap was closed since the last.
+    """
+
+    step: float = 0.1
+    look: int = _CHECK
+    progress: float = 1e-4
+
+
+_PACE = Pace()
+
+
 def raise_bound(
     pairs: Pairs,
     state: State,
     multipliers: Array,
     upper: float,
     iterations: int,
-    progress: float = 1e-4,
     flag: Flag | None = None,
-    step: float = _FIRST_STEP,
-    look: int = _CHECK,
+    pace: Pace = _PACE,
 ) -> Bound:
     """Improve multipliers [D] by volume iterations.
 
@@ -61,13 +75,11 @@ def raise_bound(
         multipliers: [D] where to begin, each at most the outside cost.
         upper: cost of a known plan; a bound that reaches it ends the search.
         iterations: at most this many.
-        progress: stop when the iterations between two looks close less than this share of the gap.
         flag: stops them when it is raised.
-        step: the first step, as a share of the way to what a known plan costs.
-        look: iterations between two looks.
+        pace: how they go on, and when they end.
     """
     flag = silent() if flag is None else flag
-    return Bound(*_ascend(pairs, state, multipliers, upper, step, iterations, progress, look, flag))
+    return Bound(*_ascend(pairs, state, multipliers, upper, *pace, iterations, flag))
 
 
 def bound_of(pairs: Pairs, state: State, multipliers: Array) -> float:
@@ -140,7 +152,7 @@ def _average(state, reduced_cost, residual, mean, share, weight):
 
 
 @kernel
-def _ascend(pairs, state, v, upper, step, iterations, progress, look, flag):
+def _ascend(pairs, state, v, upper, step, look, progress, iterations, flag):
     demands, facilities = v.size, pairs.opening.size
     centre, trial = v.copy(), np.empty(demands)
     best_reduced_cost, reduced_cost = np.empty(facilities), np.empty(facilities)

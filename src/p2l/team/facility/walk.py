@@ -1,4 +1,8 @@
-"""A search for better plans that goes on whenever it is given effort: tabu search, or covering where that is better."""
+"""A search for better plans that goes on whenever it is given effort: tabu search, and covering where that is better.
+
+The two rules of tabu search take turns. Where the fewest facilities are the best, the search for covers has every turn,
+one of three with a facility fewer.
+"""
 
 from __future__ import annotations
 
@@ -10,6 +14,8 @@ from p2l.team.facility.covering import cover, is_covering
 from p2l.team.facility.local_search import columns_of
 from p2l.team.facility.pairs import Pairs
 from p2l.team.facility.tabu import Trail, wander
+
+_SOONER = 0.5  # of the effort is enough where the search is for covers
 
 
 class Walk:
@@ -37,7 +43,7 @@ class Walk:
         trail, rng = self._trail, self._rng
         if self._covers:
             count = int(trail.best.sum()) - (1 if self._turns % 3 == 0 else 0)
-            self._trail = cover(self._pairs, self._columns, trail, count, effort, rng, flag)
+            self._trail = cover(self._pairs, self._columns, trail, count, _SOONER * effort, rng, flag)
         else:
             steepest = self._turns % 2 == 0
             self._trail = wander(self._pairs, self._columns, trail, effort, rng, steepest=steepest, flag=flag)
