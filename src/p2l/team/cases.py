@@ -18,7 +18,8 @@ from p2l.records import Array, IntArray
 from p2l.team.problem import Certificate
 
 _BEYOND = 1e-9  # relative: by how much rounding may put a multiplier above its outside option
-_ROUNDING = 8.0 * float(np.finfo(np.float64).eps)  # of a cost computed from the input, relative
+_EPS = float(np.finfo(np.float64).eps)
+_ROUNDING = 8.0 * _EPS  # of a cost computed from the input, relative
 _SLACK = 1e-12  # relative: by how much rounding may put what is taken above its limit
 _BLOCK = 4_000_000  # entries of the cost table that are looked at together
 _FREE, _OPEN, _CLOSED = 0, 1, -1
@@ -86,9 +87,11 @@ def tree_bound(instance: Instance, certificate: Certificate) -> float:
         if fits is None:  # the open facilities alone take more than a limit
             continue
         case, v = fits, multipliers[fits.node]
-        case = case._replace(opened=case.opened._replace(price=float(count_prices[case.node])))
+        if (price := float(count_prices[case.node])) != case.opened.price:
+            case = case._replace(opened=case.opened._replace(price=price))
         low, gain = _evaluate(instance, case, v, prices[case.node])
-        case = case._replace(low=max(low, case.low))
+        if not low <= case.low:  # NaN, of an infinite cost, too
+            case = case._replace(low=low)
         if case.low < target:
             fits = _within_limits(instance, _without(case, v, gain, low, target))
             if fits is None:
@@ -181,15 +184,16 @@ def _lagrangian(
         opening, paid = opening + price @ instance.weights, -price * instance.limits * (1.0 + _SLACK)
     each = count.price if math.isfinite(count.paid()) else 0.0  # a fine is paid back nowhere without an upper count
     opening, paid, fuzz = _with_count(instance, count, each, opening, paid, v)
-    reduced_cost = np.where(state == _CLOSED, 0.0, opening) - saving
-    used = (state == _OPEN) | ((state == _FREE) & (reduced_cost < 0.0))
-    eps, prices = float(np.finfo(np.float64).eps), float(np.abs(v).sum())
-    lost = eps * (len(v) + 8) * (np.where(state == _CLOSED, 0.0, np.abs(opening)) + saving) + _ROUNDING * prices
+    opening = np.where(closed := state == _CLOSED, 0.0, opening)
+    reduced_cost = opening - saving
+    used = (state == _OPEN) | (~closed & (reduced_cost < 0.0))
+    eps, prices = _EPS, float(np.abs(v).sum())
+    lost = eps * (len(v) + 8) * (np.abs(opening) + saving) + _ROUNDING * prices
     lost += _ROUNDING * abs(each)
     value = math.fsum([*v.tolist(), *reduced_cost[used].tolist(), *paid.tolist()])
     low = value - float(lost[used].sum()) - eps * (abs(value) + float(np.abs(paid).sum())) - fuzz
-    with np.errstate(invalid="ignore"):  # an infinite opening cost is above all that rounding may do
-        gain = np.where(np.isinf(reduced_cost), np.inf, np.maximum(np.abs(reduced_cost) - lost, 0.0))
+    lost[np.isinf(reduced_cost)] = 0.0  # an infinite opening cost is above all that rounding may do
+    gain = np.maximum(np.abs(reduced_cost) - lost, 0.0)
     return low, np.sign(reduced_cost) * gain
 
 
