@@ -204,6 +204,16 @@ def test_the_example_s_shop_from_trials_to_a_plan_that_is_checked(stage, tmp_pat
     assert code == 0, told.err
     assert "order partial" in told.out
     assert ": optimal." in told.out
+
+
+def test_the_example_s_day_with_its_two_surprises(stage):
+    """Of the plan without `robots=`, as the docs say."""
+    table = ("predict_transfer", *(f"{name}={SHOP[name]}" for name in ("features", "trials")), "out=table.csv")
+    assert stage(*table, out="table")[0] == 0
+    words = (f"tasks={SHOP['orders']}", "transfer=table.csv", f"before={SHOP['before']}", "reasons_s=0")
+    code, told = stage("plan", *words)
+    assert code == 0, told.err
+    assert told.out.count("Expected cost 302.0 (proven optimal)") == 1
     outcomes = Path(SHOP["orders"]).with_name("outcomes.csv")
     code, told = stage("day", "plan=out", f"outcomes={outcomes}", out="day")
     assert code == 0, told.err

@@ -42,7 +42,7 @@ def test_help_says_what_the_stage_does_and_how_to_call_it(name, monkeypatch, cap
     assert left.value.code == 0
     for part in (f"{name}: ", f"python -m stages.{name}", "hydra/launcher=joblib"):
         assert part in shown
-    assert ("seed: 0" in shown) == (name != "plan")  # whose help fits a screen, without all settings
+    assert ("seed: 0" in shown) == (name not in ("ask", "plan"))  # whose help fits a screen, without all settings
 
 
 @pytest.mark.parametrize(
@@ -193,6 +193,7 @@ NEEDS = {
     "discover": {"mujoco"},
     "watch": {"mujoco"},
     "config": set(),
+    "day": set(),
     "fit_preconditions": {"mujoco", "matplotlib"},
     "fit_transfer": {"torch", "matplotlib"},
     "iterate_recoveries": {"mujoco", "matplotlib", "sklearn"},
@@ -383,7 +384,7 @@ def test_a_stage_writes_over_its_own_files_unless_somebody_has_edited_them(tmp_p
     with monkeypatch.context() as broken:
         broken.setattr("stages._shop.write_shop_plan", lambda *_, **__: 1 / 0)
         assert here("plan", out, monkeypatch, capsys, *words)[0] == 1
-    assert {file.name for file in out.iterdir()} == {"plan.png", "plan.html", ".unfinished.json"}
+    assert {file.name for file in out.iterdir()} == {"plan.png", "plan.html", "shop.npz", ".unfinished.json"}
     for _ in range(2):
         code, told = here("plan", out, monkeypatch, capsys, *words)
         assert code == 0, told
