@@ -166,6 +166,21 @@ def test_jobs_are_children_of_their_sweep(store, client, tmp_path, monkeypatch):
     assert "seed=0,1" in client.get_run(parent).data.tags["mlflow.note.content"]
 
 
+@pytest.mark.parametrize("place", ["_describe", "write_text", "Outbox"])
+def test_a_stop_while_the_run_is_begun_ends_it(store, client, tmp_path, monkeypatch, place):
+    """A stage that was stopped in its first half second left its run RUNNING for ever."""
+
+    def stopped(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(f"p2l.tracking.runs.{place}", stopped)
+    with pytest.raises(KeyboardInterrupt), start(card(stage=f"stopped{place}"), tmp_path, tmp_path, uri=store):
+        pass
+    [experiment] = [each for each in client.search_experiments() if each.name.endswith(f"stopped{place}")]
+    [run] = client.search_runs([experiment.experiment_id])
+    assert run.info.status == "KILLED"
+
+
 def test_jobs_that_a_launcher_took_down_do_not_run_for_ever(store, client, tmp_path, monkeypatch):
     """After Ctrl-C in a joblib sweep the jobs stayed RUNNING."""
     monkeypatch.setenv("MLFLOW_TRACKING_URI", store)

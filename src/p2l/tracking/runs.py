@@ -16,7 +16,7 @@ import math
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -145,31 +145,46 @@ def start(card: RunCard, out: Path, root: Path, *, enabled: bool = True, uri: st
     store, client = connect(root, uri)
     for name, value in IMPATIENCE.items():
         os.environ.setdefault(name, value)
+    tracker: MlflowTracker | None = None
     try:
         resumed = _resume(client, card, out, store)
         run_id = resumed or _create(client, card, store)
-        _describe(client, card, run_id, root)
     except Exception as error:
-        raise TrackingError(f"MLflow at {safe_uri(store)} refuses the run: {safe_uri(str(error)[:300])}") from error
-    record = {"run_id": run_id, "store": safe_uri(store), "config_hash": card.config_hash}
-    write_text(out / RUN_FILE, json.dumps(record) + "\n")
-    outbox = Outbox(client, run_id, safe_uri(store), root / FOLDER, out / FOLDER)
-    tracker = MlflowTracker(client=client, card=card, run_id=run_id, outbox=outbox, _has_records=resumed is not None)
+        raise _refused(store, error) from error
     try:
+        try:
+            _describe(client, card, run_id, root)
+        except Exception as error:
+            raise _refused(store, error) from error
+        record = {"run_id": run_id, "store": safe_uri(store), "config_hash": card.config_hash}
+        write_text(out / RUN_FILE, json.dumps(record) + "\n")
+        outbox = Outbox(client, run_id, safe_uri(store), root / FOLDER, out / FOLDER)
+        tracker = MlflowTracker(
+            client=client, card=card, run_id=run_id, outbox=outbox, _has_records=resumed is not None
+        )
         yield tracker
-    except P2LError as error:
-        if tracker.is_blank:  # a wrong input, refused before anything was computed, is no failed experiment
-            tracker.discard()
-            (out / RUN_FILE).unlink(missing_ok=True)
-            raise
-        tracker.note(f"Ended by `{type(error).__name__}`: {str(error)[:500]}")
-        tracker.finish("FAILED")
-        raise
     except BaseException as error:
-        tracker.note(f"Ended by `{type(error).__name__}`: {str(error)[:500]}")
-        tracker.finish("KILLED" if _was_stopped(error) else "FAILED")
+        if tracker is not None:
+            _end(tracker, error, out)
+        elif _was_stopped(error):  # before there was anything that could send the end
+            with suppress(Exception):
+                client.set_status(run_id, "KILLED", _now())
         raise
     tracker.finish("FINISHED")
+
+
+def _refused(store: str, error: Exception) -> TrackingError:
+    return TrackingError(f"MLflow at {safe_uri(store)} refuses the run: {safe_uri(str(error)[:300])}")
+
+
+def _end(tracker: MlflowTracker, error: BaseException, out: Path) -> None:
+    """Close the run that an error has ended."""
+    if isinstance(error, P2LError) and tracker.is_blank:
+        tracker.discard()  # a wrong input, refused before anything was computed, is no failed experiment
+        (out / RUN_FILE).unlink(missing_ok=True)
+        return
+    tracker.note(f"Ended by `{type(error).__name__}`: {str(error)[:500]}")
+    tracker.finish("KILLED" if not isinstance(error, P2LError) and _was_stopped(error) else "FAILED")
 
 
 def _was_stopped(error: BaseException | None) -> bool:
