@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks import report
-from benchmarks.shop import made_up
+from benchmarks.instances import large_shop
 from p2l.team.day import Day, Event, EventOutcome, Step, advance, begin, next_step, remaining_shop, replan
 from p2l.team.day.advance import standing_after
 from p2l.team.problem import Decision
@@ -46,7 +46,7 @@ def at_noon(day: Day, rng: np.random.Generator) -> Day:
 def measure(n: int, order: ShopOrder, steps: int, seed: int) -> report.Row:
     """Plan a day, go to its middle, and enter outcomes."""
     rng = np.random.default_rng(seed)
-    shop = replace(made_up(n, 1, 0, "", seed), order=order)
+    shop = replace(large_shop(n, seed=seed, counts=False), order=order)
     plan = plan_shop(shop)
     noon = at_noon(begin(shop, plan), rng)
     start = time.perf_counter()
@@ -83,7 +83,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--steps", type=report.positive, default=10)
     parser.add_argument("--seeds", type=report.positive, default=3)
     args = parser.parse_args(arguments)
-    plan_shop(made_up(50, 1, 0, "", 0))  # loads what is compiled
+    plan_shop(large_shop(50, counts=False))  # loads what is compiled
     orders: tuple[ShopOrder, ...] = ("fixed", "any")
     cases = [(order, seed) for order in orders for seed in range(args.seeds)]
     report.finish([measure(args.tasks, order, args.steps, seed) for order, seed in cases], args.json)
