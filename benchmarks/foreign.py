@@ -4,12 +4,15 @@
   python -m benchmarks.foreign --worlds fetch     one of them
 
 `alone` is `env.step` in one process and nothing else; `bare` the same in as many processes at once; `ours` a nominal
-chain of the world, controllers, detectors and states included. `share` is ours of alone × processes, `share_bare` ours
-of bare. `copies` are copies of a whole state per control step, `copies_within` those made while an option goes on.
+chain of the world, controllers, detectors and states included. The three are measured in turn, several times, since a
+shared machine changes its pace within a minute. `share` is ours of alone × processes, `share_bare` ours of bare:
+medians of the rounds, with the lowest and the highest. `copies` are copies of a whole state per control step,
+`copies_within` those made while an option goes on.
 """
 
 from __future__ import annotations
 
+import functools
 import importlib
 import multiprocessing
 import time
@@ -19,6 +22,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks import report
+from p2l.contracts.rows import Rows
 from p2l.skills import chain
 from p2l.worlds.gymnasium import Controller, GymnasiumWorld
 
@@ -42,11 +46,17 @@ def wait(size: int, steps: int, obs: Any, memory: Any) -> tuple[Any, Any, bool]:
     return np.zeros(size), memory + 1.0, bool(memory[0] >= steps)
 
 
+@functools.cache
+def _kept(name: str) -> Any:
+    """The process's own."""
+    return make_env(name)
+
+
 def bare(name: str, seconds: float, option_steps: int) -> float:
     """`env.step` per second."""
-    env = make_env(name)
+    env = _kept(name)
     env.reset(seed=0)
-    action, steps = np.zeros(env.action_space.shape), 0
+    action, steps = np.zeros(env.action_space.shape, dtype=env.action_space.dtype), 0
     for _ in range(20):
         env.step(action)
     start = time.perf_counter()
@@ -66,41 +76,52 @@ def never(info: Any, obs: Any) -> bool:  # noqa: ARG001
     return False
 
 
-def ours(name: str, seconds: float, option_steps: int, processes: int) -> dict[str, float]:
-    """Control steps per second of a world, and copies of states."""
+def foreign_world(name: str, option_steps: int, processes: int) -> GymnasiumWorld:
+    """The environment as a world whose controllers wait."""
     size = int(np.prod(make_env(name).action_space.shape))
     controllers = [
         Controller(f"wait {k}", partial(wait, size, option_steps), 2 * option_steps, 1) for k in range(_CHAIN)
     ]
-    world = GymnasiumWorld(name, partial(make_env, name), controllers, never, processes=processes)
-    rows = world.sample(np.random.default_rng(0), _ROWS)
-    chain.run(world, world.nominal_options(), rows, slots=_SLOTS)
+    return GymnasiumWorld(name, partial(make_env, name), controllers, never, processes=processes)
+
+
+def ours(world: GymnasiumWorld, rows: Rows, seconds: float) -> tuple[float, int, int, int]:
+    """Control steps per second of a world; control steps, options and copies of states."""
     before, steps, options, start = world.processes.copies(), 0, 0, time.perf_counter()
     while time.perf_counter() - start < seconds:
         execution = chain.run(world, world.nominal_options(), rows, slots=_SLOTS)
         steps, options = steps + int(execution.last.step.sum()), options + len(execution.ends)
     rate = steps / (time.perf_counter() - start)
-    made = world.processes.copies() - before
-    return {"ours": rate, "copies": made / steps, "copies_within": max(0, made - 2 * options) / steps}
+    return rate, steps, options, world.processes.copies() - before
 
 
-def measure(name: str, seconds: float, option_steps: int, processes: int) -> report.Row:
+def measure(name: str, seconds: float, option_steps: int, processes: int, rounds: int) -> report.Row:
     """One environment."""
-    alone = bare(name, seconds, option_steps)
+    world = foreign_world(name, option_steps, processes)
+    rows = world.sample(np.random.default_rng(0), _ROWS)
+    chain.run(world, world.nominal_options(), rows, slots=_SLOTS)
+    alone, together, mine, steps, options, copies = [], [], [], 0, 0, 0
     with multiprocessing.get_context("spawn").Pool(processes) as pool:
-        together = sum(pool.starmap(bare, [(name, seconds, option_steps)] * processes))
-    mine = ours(name, seconds, option_steps, processes)
+        for _ in range(rounds):
+            alone.append(pool.apply(bare, (name, seconds, option_steps)))
+            together.append(sum(pool.starmap(bare, [(name, seconds, option_steps)] * processes, chunksize=1)))
+            rate, more_steps, more_options, more_copies = ours(world, rows, seconds)
+            mine.append(rate)
+            steps, options, copies = steps + more_steps, options + more_options, copies + more_copies
+    share, share_bare = np.array(mine) / (processes * np.array(alone)), np.array(mine) / np.array(together)
     return {
         "world": name,
         "processes": processes,
         "option_steps": option_steps,
-        "alone": round(alone, 1),
-        "bare": round(together, 1),
-        "ours": round(mine["ours"], 1),
-        "share": round(mine["ours"] / (alone * processes), 3),
-        "share_bare": round(mine["ours"] / together, 3),
-        "copies": round(mine["copies"], 4),
-        "copies_within": mine["copies_within"],
+        "alone": round(float(np.median(alone)), 1),
+        "bare": round(float(np.median(together)), 1),
+        "ours": round(float(np.median(mine)), 1),
+        "share": round(float(np.median(share)), 3),
+        "lowest": round(float(share.min()), 3),
+        "highest": round(float(share.max()), 3),
+        "share_bare": round(float(np.median(share_bare)), 3),
+        "copies": round(copies / steps, 4),
+        "copies_within": max(0, copies - 2 * options) / steps,
     }
 
 
@@ -109,10 +130,15 @@ def main(arguments: list[str] | None = None) -> None:
     parser = report.parser(__doc__)
     parser.add_argument("--worlds", nargs="+", choices=sorted(WORLDS), default=list(WORLDS))
     parser.add_argument("--processes", type=int, default=2)
-    parser.add_argument("--option-steps", type=int, nargs="+", default=[50], help="control steps of an option")
-    parser.add_argument("--seconds", type=float, default=10.0, help="of each measurement")
+    parser.add_argument("--option-steps", type=int, nargs="+", default=[50, 100], help="control steps of an option")
+    parser.add_argument("--seconds", type=float, default=2.0, help="of each measurement")
+    parser.add_argument("--rounds", type=int, default=5, help="measurements of each kind, in turn")
     args = parser.parse_args(arguments)
-    rows = [measure(name, args.seconds, steps, args.processes) for name in args.worlds for steps in args.option_steps]
+    rows = [
+        measure(name, args.seconds, steps, args.processes, args.rounds)
+        for name in args.worlds
+        for steps in args.option_steps
+    ]
     report.finish(rows, args.json)
 
 
