@@ -15,6 +15,7 @@ from p2l.manifest import check_files
 from p2l.tracking import RUN_FILE
 
 CONFIG_FILE, LOG_FILE, NOTE_FILE = "config.yaml", "stage.log", ".unfinished.json"
+Stamps = Mapping[Path, tuple[int, int, int]]  # time of the last change in ns, size and inode of files
 _ALL = (CONFIG_FILE, RUN_FILE, "times.json")
 # What each stage writes, as patterns of paths in its folder; records, checkpoints and runs of children have checks of
 # their own.
@@ -63,10 +64,26 @@ def release(out: Path) -> None:
     (out / NOTE_FILE).unlink(missing_ok=True)
 
 
-def clear(out: Path, before: set[Path]) -> None:
+def stamps(out: Path) -> Stamps:
+    """Every file in a folder, with what changes when it is written."""
+    found = {}
+    for file in out.rglob("*"):
+        if file.is_file():
+            status = file.stat()
+            found[file] = (status.st_mtime_ns, status.st_size, status.st_ino)
+    return found
+
+
+def written(out: Path, before: Stamps) -> set[Path]:
+    """What a stage has written since, new files and others anew, but for what every stage writes."""
+    now = stamps(out)
+    return {file for file in now if now[file] != before.get(file)} - {out / RUN_FILE, out / LOG_FILE, out / NOTE_FILE}
+
+
+def clear(out: Path, before: Stamps) -> None:
     """Take away what every stage writes, so that a refused input leaves what was there `before`, or nothing."""
-    new = {out / RUN_FILE, out / LOG_FILE, out / NOTE_FILE} - before
-    if set(out.iterdir()) - before - new:  # what else it has written is its own only with the note
+    new = {out / RUN_FILE, out / LOG_FILE, out / NOTE_FILE} - set(before)
+    if written(out, before):  # it is the stage's own only with the note
         new.discard(out / NOTE_FILE)
     for file in new:
         file.unlink(missing_ok=True)

@@ -39,10 +39,10 @@ from p2l.errors import P2LError
 from p2l.manifest import check_place, write_manifest
 from p2l.schema import StageConfig, paths_of, resolve, validate
 from p2l.text import printable
-from p2l.tracking import RUN_FILE, RunCard, Tracker, safe_uri, start
+from p2l.tracking import RunCard, Tracker, safe_uri, start
 from stages import ROOT, begin
 from stages._decimals import told_apart
-from stages._place import CONFIG_FILE, LOG_FILE, NOTE_FILE, claim, clear, release
+from stages._place import CONFIG_FILE, LOG_FILE, Stamps, claim, clear, release, stamps, written
 from stages._stdout import listen
 
 ConfigT = TypeVar("ConfigT", bound=StageConfig)
@@ -180,7 +180,7 @@ def _job(
     sweep = settings.mode == RunMode.MULTIRUN
     title = f"stage {name} [{' '.join(settings.overrides.task)}]" if sweep else f"stage {name}"
     failure = JobError if sweep else SystemExit  # Hydra lets the jobs after a JobError run, and adds words to it
-    before = set(out.iterdir())
+    before = stamps(out)
     _log_to(out)
     try:
         _run(name, schema, function, config, out, finished)
@@ -219,10 +219,9 @@ def _stop_behind(error: BaseException | None) -> BaseException | None:
     return error
 
 
-def _what_goes_on(name: str, out: Path, before: set[Path]) -> str:
+def _what_goes_on(name: str, out: Path, before: Stamps) -> str:
     """What a stopped job has left, and the command that goes on from it."""
-    ours = {out / RUN_FILE, out / LOG_FILE, out / NOTE_FILE}
-    left = {file for file in out.rglob("*") if file.is_file()} - before - ours
+    left = written(out, before)
     if not left:
         _clear(out, before)
     place = os.path.relpath(out)
@@ -292,6 +291,6 @@ def _log_to(out: Path) -> None:
         logging.getLogger(chatty).setLevel(logging.WARNING)
 
 
-def _clear(out: Path, before: set[Path]) -> None:
+def _clear(out: Path, before: Stamps) -> None:
     logging.basicConfig(handlers=[logging.StreamHandler()], force=True)
     clear(out, before)

@@ -193,3 +193,26 @@ def test_a_day_that_is_killed_goes_on(stage, tmp_path):
     _, other = stage("day", "plan=plan", "outcomes=outcomes.csv", "hydra.run.dir=other")
     assert (day / "rest.csv").read_text() == (tmp_path / "other" / "rest.csv").read_text()
     assert told.out.splitlines()[-2] == other.out.splitlines()[-2]
+
+
+def test_a_day_that_is_stopped_goes_on_although_it_has_written_over_its_own_files(stage, tmp_path, monkeypatch):
+    """Nothing in the folder was new, so the stop was told as "nothing is kept" and the folder as somebody else's."""
+    stage("day", "plan=plan", typed="d\n")
+
+    def stopped(self):
+        ask(self)
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        ask = importlib.import_module("stages._day").Walk.ask
+        patch.setattr("stages._day.Walk.ask", stopped)
+        code, told = stage("day", "plan=plan", typed="f\n")
+    assert code == 130
+    assert "What is finished is kept in plan/day. To go on from there:" in told.err
+    code, told = stage("day", "plan=plan", typed="s\n")
+    assert code == 0, told.err
+    assert told.out.startswith("2 outcomes are in ")
+    assert "3. peg: success" in told.out
+    (tmp_path / "wrong.csv").write_text("task,outcome\nlid,failure\nplate,success\n")
+    assert stage("day", "plan=plan", "outcomes=wrong.csv")[0] == 2
+    assert stage("day", "plan=plan", typed="")[0] == 0
