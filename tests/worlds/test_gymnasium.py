@@ -169,6 +169,23 @@ def test_a_process_that_dies_is_replaced_and_its_row_has_diverged(world, caplog)
     assert not again.diverged.any()
 
 
+def test_the_lanes_of_a_runner_that_is_dropped_at_work_are_nobody_else_s(world):
+    """Its jobs went on, and wrote their rows where the next runner's were."""
+    options = world.nominal_options()
+    rows, others = world.sample(np.random.default_rng(1), 12), world.sample(np.random.default_rng(2), 12)
+    alone = chain.run(world, options, others, slots=12)
+    for _ in range(3):
+        runner = world.runner(options, 12, stop_on_failure=True)
+        runner.place(np.arange(12), rows)
+        runner.begin(np.arange(12), np.zeros(12, dtype=np.int64))
+        runner.advance()  # the others are at work
+        del runner
+        same(chain.run(world, options, others, slots=12).last.rows, alone.last.rows)
+    processes = world.processes
+    assert processes.copies() > 0
+    assert (len(processes._free) + len(processes._given), processes._results) == (1024, {})
+
+
 def test_no_state_is_copied_while_an_option_goes_on(world):
     rows = world.sample(np.random.default_rng(4), 20)
     before = world.processes.copies()

@@ -84,9 +84,10 @@ class Processes:
         for worker in begun:
             self._share(worker)
         self._waiting: deque[Task] = deque()
-        self._results: dict[int, Any] = {}
+        self._results: dict[int, tuple[int, Any]] = {}  # lane and answer, by ticket
         self._tickets = self._deaths = 0
         self._free = list(range(LANES - 1, -1, -1))
+        self._given: list[int] = []  # lanes that nobody asks for any more; a process may still be at work for them
         weakref.finalize(self, end_processes, self._workers, self._file)
 
     def take_lanes(self, count: int) -> IntArray:
@@ -95,13 +96,14 @@ class Processes:
         Raises:
             ConfigError: there are not so many.
         """
+        self._take_back()
         if count > len(self._free):
             raise ConfigError(f"world '{self.name}': {count} slots asked for; {len(self._free)} of {LANES} are free")
         return np.array([self._free.pop() for _ in range(count)], dtype=np.int64)
 
     def give_lanes(self, lanes: Sequence[int]) -> None:
-        """Give lanes back."""
-        self._free += lanes
+        """Give lanes back, with jobs that are still at work or not. Python may call it at any moment."""
+        self._given += lanes
 
     def submit(self, lane: int, what: str, content: Any = None, row: Moment | None = None) -> int:
         """A job for the row of a lane, as soon as a process is free; returns its ticket.
@@ -128,7 +130,7 @@ class Processes:
         """
         while ticket not in self._results:
             self._receive()
-        answer = self._results.pop(ticket)
+        _, answer = self._results.pop(ticket)
         if isinstance(answer, ConfigError):
             raise answer
         return answer
@@ -146,7 +148,8 @@ class Processes:
         """Copies of a whole state that the processes have made so far."""
         total = 0
         for worker in self._workers:
-            assert not worker.tasks, "a process is at work"
+            while worker.tasks:  # of somebody who has gone
+                self._receive()
             worker.connection.send((0, "copies", None, IS_THERE))
             total += int(worker.connection.recv()[1])
         return total
@@ -168,6 +171,18 @@ class Processes:
                 worker.connection.send((task.lane, task.what, content, place))
             except OSError:
                 self._replace(worker)
+
+    def _take_back(self) -> None:
+        """Free the lanes that were given back; jobs of theirs are dropped, and those at work are waited for."""
+        lanes, self._given = self._given, []
+        given = set(lanes)
+        if not given:
+            return
+        self._waiting = deque(task for task in self._waiting if task.lane not in given)
+        while any(task.lane in given for worker in self._workers for task in worker.tasks):
+            self._receive()
+        self._results = {ticket: kept for ticket, kept in self._results.items() if kept[0] not in given}
+        self._free += sorted(given, reverse=True)
 
     def _forget(self, lane: int) -> None:
         """No process is at the row of this lane any more."""
@@ -191,7 +206,7 @@ class Processes:
                 answer = ConfigError(f"world '{self.name}': {answer}")
             elif isinstance(task.content, OptionJob):
                 answer = JobResult.of_plain(answer)
-            self._results[task.ticket] = answer
+            self._results[task.ticket] = task.lane, answer
         self._hand_out()
 
     def _at_work(self, busy: Sequence[WorkerProcess]) -> str:
@@ -212,7 +227,8 @@ class Processes:
         again = list(worker.tasks)
         if again and isinstance(job := again[0].content, OptionJob):
             outcome = JobResult(Reason.DIVERGENCE, 0, job.memory, job.kind, 0, job.muted, 0.0, told)
-            self._results[again.pop(0).ticket] = outcome
+            task = again.pop(0)
+            self._results[task.ticket] = task.lane, outcome
         self._waiting.extendleft(reversed(again))
         fresh = start_process(self._definition, self._gl)
         self._greeting(fresh)
