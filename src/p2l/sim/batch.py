@@ -27,6 +27,7 @@ from p2l.records import Array, BoolArray, IntArray
 from p2l.sim.model import AXES, TARGET_BODY
 
 _PHYSICS = mujoco.mjtState.mjSTATE_FULLPHYSICS
+_PLACES = ("pathadr", "npaths", "nbuffer")  # numbers of a model that depend on the place of its files
 _INPUT = int(mujoco.mjtState.mjSTATE_CTRL | mujoco.mjtState.mjSTATE_MOCAP_POS | mujoco.mjtState.mjSTATE_MOCAP_QUAT)
 
 
@@ -102,11 +103,15 @@ class Engine:
         self._pool.close()
 
     def fingerprint(self) -> str:
-        """Hash of every number of the models, to seven digits: processors differ in the last bits."""
+        """Hash of every number of the models, to seven digits: processors differ in the last bits.
+
+        Not of where the files of meshes lay, nor of how much memory their names take.
+        """
         digest = hashlib.blake2b(digest_size=8)
         for model in self.models:
             for part in (model, model.opt):
-                for name in sorted(each for each in dir(part) if not each.startswith("_")):
+                own = [each for each in dir(part) if not each.startswith("_") and not each.endswith(_PLACES)]
+                for name in sorted(own):
                     value = getattr(part, name)
                     if isinstance(value, (np.ndarray, int, float)):
                         numbers = np.asarray(value)

@@ -52,6 +52,10 @@ class Physics:
         stiffness_linear, stiffness_angular: N/m and N·m/rad of the impedance.
         damping_linear, damping_angular: N·s/m and N·m·s/rad.
         joint_damping: N·m·s/rad added to every joint of the arm; it settles the redundant joint.
+        impratio: of contacts, how much stiffer friction is than the normal force. MuJoCo's friction gives way slowly,
+            the more the smaller this is; robosuite's 20 lets a held box turn by 0.016 rad/s in the hand.
+        torque_limits: whether the arm's joints have the limits of robosuite's motors; without them a hand can push as
+            hard as its impedance wants.
     """
 
     timestep_s: float = 0.002
@@ -60,6 +64,8 @@ class Physics:
     damping_linear: float = 160.0
     damping_angular: float = 8.0
     joint_damping: float = 1.0
+    impratio: float = 20.0
+    torque_limits: bool = False
 
 
 @dataclass(frozen=True)
@@ -173,8 +179,10 @@ def _robot_spec(xml: str, parts: Parts, physics: Physics, joints: tuple[str, ...
     spec = mujoco.MjSpec.from_string(xml)
     for body in [body for body in spec.bodies if body.mocap]:
         spec.delete(body)
-    for actuator in [actuator for actuator in spec.actuators if actuator.name not in FINGER_ACTUATORS]:
-        spec.delete(actuator)
+    motors = [actuator for actuator in spec.actuators if actuator.name not in FINGER_ACTUATORS]
+    torques_nm = {motor.target: tuple(motor.ctrlrange) for motor in motors}
+    for motor in motors:
+        spec.delete(motor)
     for sensor in [sensor for sensor in spec.sensors if sensor.name != WRIST_FORCE]:
         spec.delete(sensor)
     for body in spec.bodies:
@@ -183,9 +191,12 @@ def _robot_spec(xml: str, parts: Parts, physics: Physics, joints: tuple[str, ...
     for joint in spec.joints:
         if joint.name in joints:
             joint.damping = [physics.joint_damping, 0.0, 0.0]
+            if physics.torque_limits:
+                joint.actfrclimited, joint.actfrcrange = mujoco.mjtLimited.mjLIMITED_TRUE, torques_nm[joint.name]
     for geom in spec.geoms:
         if geom.parent.name.startswith(("robot0_", "fixed_mount0_")) or geom.name in HAND:
             geom.contype = 0
+    spec.option.impratio = physics.impratio
     spec.option.density = spec.option.viscosity = 0.0
     if parts.edit is not None:
         parts.edit(spec)

@@ -23,13 +23,27 @@ from p2l.contracts.world import Scenic, View
 from p2l.errors import ConfigError
 from p2l.records import Array, BoolArray, IntArray
 from p2l.sim.batch import Chunk, Engine
-from p2l.sim.scene import Scene
+from p2l.sim.scene import Physics, Scene
 from p2l.skills.primitives import PRIMITIVES
 
 ROW_VERSION = 1  # raise when the meaning of a saved row changes
 GRIP = "grip_pos"
 HAND = ("grip_quat", "target_quat")
+# What has changed in the physics of our worlds; a row, a policy and a record belong to one version.
+# 2: joint torques have robosuite's limits, and a box that is held still turns by 0.002 rad/s instead of 0.016.
+VERSIONS: Mapping[int, Mapping[str, Any]] = {1: {}, 2: {"torque_limits": True, "impratio": 500.0}}
 Fields = Mapping[str, npt.NDArray[np.generic]]
+
+
+def physics_of(version: int, **numbers: float) -> Physics:
+    """The physics of a version of our worlds, with a world's own numbers.
+
+    Raises:
+        ConfigError: there is no such version.
+    """
+    if version not in VERSIONS:
+        raise ConfigError(f"unknown version {version} of the worlds; known: {', '.join(map(str, VERSIONS))}")
+    return replace(Physics(**numbers), **VERSIONS[version])  # type: ignore[arg-type]
 
 
 def engine_step(world: Scenic, rows: Rows, command: Command) -> tuple[Rows, IntArray, BoolArray]:
@@ -85,6 +99,8 @@ class RobotWorld:
         joints = [first.model.joint(i).name for i in range(first.model.njnt)]
         # A row carries unit normals, so it means the same to every estimator and on any number of threads.
         digest_params = {key: value for key, value in params.items() if key not in ("estimator", "nthread")}
+        if digest_params.get("version") == 1:  # what is known of its rows was written when it was the only one
+            del digest_params["version"]
         columns = [list(self.engine.sensor_columns), list(self.engine.furniture)]
         # ROW_VERSION marks the edits of our worlds after which a saved row means something else; others have no such.
         module = type(self).__module__

@@ -38,12 +38,12 @@ from p2l.contracts.world import NO_FAILURE, View
 from p2l.errors import ConfigError
 from p2l.records import Array, BoolArray, IntArray
 from p2l.sim.batch import Chunk
-from p2l.sim.scene import FINGER_OPEN_M, FINGERS, WRIST_FORCE, Parts, Physics, Scene, build
+from p2l.sim.scene import FINGER_OPEN_M, FINGERS, WRIST_FORCE, Parts, Scene, build
 from p2l.worlds.door.handles import DOOR, Handle, find, shape
 from p2l.worlds.door.reach import hold_posture, start_posture
 from p2l.worlds.door.skills import options
 from p2l.worlds.door.symbols import DoorSymbols
-from p2l.worlds.robot import Fields, RobotWorld
+from p2l.worlds.robot import Fields, RobotWorld, physics_of
 
 BASE_POS_WORLD = (-0.56, 0.0, 0.0)
 FURNITURE = f"{DOOR}_main"
@@ -68,6 +68,7 @@ class Door(RobotWorld):
         joint_noise_rad: standard deviation of each joint of the start posture.
         force_limit_n: mean wrist force of a control step above which the detector speaks, N.
         timestep_s: physics time step.
+        version: of the physics, see `worlds.robot.VERSIONS`.
         nthread: simulator threads.
 
     Raises:
@@ -93,6 +94,7 @@ class Door(RobotWorld):
         joint_noise_rad: float = 0.0,
         force_limit_n: float = 150.0,
         timestep_s: float = 0.005,
+        version: int = 1,
         nthread: int = 2,
     ) -> None:
         self.handles = find(handle)
@@ -102,10 +104,11 @@ class Door(RobotWorld):
                 f"door: joint_noise_rad ({joint_noise_rad}) must be at least 0, force_limit_n ({force_limit_n}) above 0"
             )
         self.force_limit_n, self.joint_noise_rad = force_limit_n, joint_noise_rad
-        scenes = [_scene(arm, one, timestep_s) for one in self.handles]
+        scenes = [_scene(arm, one, timestep_s, version) for one in self.handles]
         params = {
             "arm": arm, "handle": [repr(one) for one in self.handles], "sigma_m": sigma_m, "ranges": self.ranges,
             "joint_noise_rad": joint_noise_rad, "force_limit_n": force_limit_n, "timestep_s": timestep_s,
+            "version": version,
         }  # fmt: skip
         super().__init__("door", params, scenes, Estimator(estimator, (sigma_m,) * 3), nthread=nthread)
         self.base_pos_m = np.array(scenes[0].model.body("robot0_base").pos)
@@ -246,13 +249,14 @@ class Door(RobotWorld):
         return DoorSymbols(self.finger_sign)
 
 
-def _scene(arm: str, handle: Handle, timestep_s: float) -> Scene:
+def _scene(arm: str, handle: Handle, timestep_s: float, version: int) -> Scene:
     arena = TableArena(table_full_size=(0.8, 0.3, 0.05), table_offset=(-0.2, -0.35, 0.8))
     arena.set_origin([0, 0, 0])
     door = DoorObject(name=DOOR, friction=0.0, damping=0.1, lock=True)
     pose_sensors = {"handle": f"{DOOR}_handle"}
     parts = Parts(arena, [door], BASE_POS_WORLD, furniture=(FURNITURE,), pose_sensors=pose_sensors, edit=shape(handle))
-    physics = Physics(timestep_s=timestep_s, stiffness_linear=800.0, damping_linear=90.0, damping_angular=5.0)
+    impedance = {"stiffness_linear": 800.0, "damping_linear": 90.0, "damping_angular": 5.0}
+    physics = physics_of(version, timestep_s=timestep_s, **impedance)
     return build(arm, parts, physics)
 
 

@@ -32,7 +32,7 @@ from p2l.errors import ConfigError
 from p2l.records import Array, BoolArray, IntArray
 from p2l.sim.batch import Chunk
 from p2l.sim.posture import reach
-from p2l.sim.scene import WRIST_FORCE, Parts, Physics, build
+from p2l.sim.scene import WRIST_FORCE, Parts, build
 from p2l.worlds.pick_place.bins import (
     BIN1_POS_M,
     BIN2_POS_M,
@@ -45,7 +45,7 @@ from p2l.worlds.pick_place.bins import (
     hand_room,
 )
 from p2l.worlds.pick_place.skills import options, quarter_turn
-from p2l.worlds.robot import RobotWorld
+from p2l.worlds.robot import RobotWorld, physics_of
 
 BASE_POS_WORLD = (-0.5, -0.1, 0.0)  # robosuite's offset of the base for arenas with bins
 REST_M = 0.8433  # height of the bread's centre when it lies there
@@ -96,6 +96,7 @@ class PickPlace(RobotWorld):
         joint_noise_rad: standard deviation of each joint about robosuite's start posture, rad.
         force_limit_n: wrist force above which a collision is flagged, N.
         timestep_s: physics time step.
+        version: of the physics, see `worlds.robot.VERSIONS`.
         nthread: simulator threads.
 
     Raises:
@@ -120,6 +121,7 @@ class PickPlace(RobotWorld):
         joint_noise_rad: float = 0.02,
         force_limit_n: float = 50.0,
         timestep_s: float = 0.005,
+        version: int = 1,
         nthread: int = 2,
     ) -> None:
         params = {name: value for name, value in locals().items() if name not in ("self", "nthread", "__class__")}
@@ -128,7 +130,7 @@ class PickPlace(RobotWorld):
         arena, bread = BinsArena(bin1_pos=BIN1_POS_M), BreadObject(name="Bread")
         arena.set_origin([0, 0, 0])
         parts = Parts(arena, [bread], BASE_POS_WORLD, pose_sensors={"object": bread.root_body})
-        scene = build(arm, parts, Physics(timestep_s=timestep_s, **IMPEDANCE))
+        scene = build(arm, parts, physics_of(version, timestep_s=timestep_s, **IMPEDANCE))
         super().__init__("pick_place", params, [scene], Estimator(estimator, (sigma_m,) * 3), nthread=nthread)
         self._dofs = [int(scene.model.joint(joint).dofadr[0]) for joint in scene.arm_joints]
         self._fingers_at = [joint for joint in self._columns if "finger_joint" in joint]

@@ -34,8 +34,8 @@ from p2l.contracts.rows import Command, Rows
 from p2l.contracts.world import NO_FAILURE, View
 from p2l.records import Array, BoolArray, IntArray
 from p2l.sim.batch import Chunk
-from p2l.sim.scene import FINGER_OPEN_M, FINGERS, WRIST_FORCE, Physics, model_variant
-from p2l.worlds.robot import Fields, RobotWorld
+from p2l.sim.scene import FINGER_OPEN_M, FINGERS, WRIST_FORCE, model_variant
+from p2l.worlds.robot import Fields, RobotWorld, physics_of
 from p2l.worlds.shelf import hold as hand
 from p2l.worlds.shelf.scene import CLUTTER, DEPTH_M, INNER_WIDTH_M, TABLE_M, Clutter, compose, find
 from p2l.worlds.shelf.skills import options
@@ -74,6 +74,7 @@ class Shelf(RobotWorld):
         clutter_limit_rad: turn of a clutter box above which it is flagged.
         models: how many densities (and sizes of clutter) the bank of models holds.
         timestep_s: physics time step.
+        version: of the physics, see `worlds.robot.VERSIONS`.
         nthread: simulator threads.
 
     Raises:
@@ -112,6 +113,7 @@ class Shelf(RobotWorld):
         clutter_limit_rad: float = 0.1,
         models: int = 16,
         timestep_s: float = 1.0 / 240.0,
+        version: int = 1,
         nthread: int = 2,
     ) -> None:
         params = {name: value for name, value in locals().items() if name not in ("self", "nthread", "__class__")}
@@ -125,7 +127,7 @@ class Shelf(RobotWorld):
             interval("clutter_half_z_m", clutter_half_z_m, (0.01, self.starts.shelf_height_m[0] / 2)),
             clutter_density_kg_m3,
         )
-        physics = Physics(timestep_s=timestep_s, **IMPEDANCE)
+        physics = physics_of(version, timestep_s=timestep_s, **IMPEDANCE)
         self.bank = compose(arm, self.thing, physics, heavy, sizes if clutter else None, models)
         self.failure_kinds = (*KINDS, "clutter_rotated") if clutter else KINDS
         self._clutter: tuple[str, ...] = CLUTTER if clutter else ()
