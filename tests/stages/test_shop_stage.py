@@ -206,17 +206,27 @@ def test_the_example_s_shop_from_trials_to_a_plan_that_is_checked(stage, tmp_pat
     assert ": optimal." in told.out
 
 
-def test_the_example_s_day_with_its_two_surprises(stage):
-    """Of the plan without `robots=`, as the docs say."""
-    table = ("predict_transfer", *(f"{name}={SHOP[name]}" for name in ("features", "trials")), "out=table.csv")
-    assert stage(*table, out="table")[0] == 0
-    words = (f"tasks={SHOP['orders']}", "transfer=table.csv", f"before={SHOP['before']}", "reasons_s=0")
-    code, told = stage("plan", *words)
-    assert code == 0, told.err
-    assert told.out.count("Expected cost 302.0 (proven optimal)") == 1
-    outcomes = Path(SHOP["orders"]).with_name("outcomes.csv")
-    code, told = stage("day", "plan=out", f"outcomes={outcomes}", out="day")
-    assert code == 0, told.err
-    assert "8. bearing_3: not taught; expected cost of the day 295.3 -> 319.5\n  new lesson: bearing_1 (" in told.out
-    assert "43. connector_2: failure; expected cost of the day 216.7 -> 238.4 (240.0 if the plan were kept)" in told.out
-    assert "The day is done: 46 outcomes, cost 223.0." in told.out
+def test_the_documented_day_with_one_question_and_two_surprises(stage, tmp_path):
+    """The commands of docs/your-tasks.md, as they stand there, print what stands below them."""
+    text = (SHOP_FOLDER.parents[1] / "docs/your-tasks.md").read_text(encoding="utf-8")
+    _, _, section = text.partition("### A day with one question and two surprises\n")
+    blocks = section.partition("\n| outcome of |")[0].split("```\n")[1::2]
+    commands, *said = ([line for line in block.splitlines()] for block in blocks)
+    assert (len(commands), len(said)) == (4, 3)
+    table = (*(f"{name}={SHOP[name]}" for name in ("features", "trials")), "out=my_transfer.csv")
+    assert stage("predict_transfer", *table, out="table")[0] == 0
+    (tmp_path / "examples").mkdir()
+    (tmp_path / "examples/shop").symlink_to(SHOP_FOLDER)
+    printed = []
+    for command in commands:
+        _, _, name, *words = command.split()
+        own = [word for word in words if not word.startswith("hydra.run.dir=")]
+        [folder] = [word.partition("=")[2] for word in words if word not in own] or ["outputs/today/day"]
+        code, told = stage(name.removeprefix("stages."), *own, out=folder)
+        assert code == 0, told.err
+        printed.append(told.out.splitlines())
+    for lines, outputs in zip(said, (printed[:1], printed[1:3], printed[3:]), strict=True):
+        for output in outputs:
+            assert [line for line in lines if line not in output] == []
+    with_question = float(printed[3][-2].rpartition("cost ")[2].rstrip(".")) + 2.0
+    assert f"With the question the day has cost {with_question:.1f}; " in section
