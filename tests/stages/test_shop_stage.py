@@ -211,7 +211,7 @@ def test_the_documented_day_with_one_question_and_two_surprises(stage, tmp_path)
     text = (SHOP_FOLDER.parents[1] / "docs/your-tasks.md").read_text(encoding="utf-8")
     _, _, section = text.partition("### A day with one question and two surprises\n")
     blocks = section.partition("\n| outcome of |")[0].split("```\n")[1::2]
-    commands, *said = ([line for line in block.splitlines()] for block in blocks)
+    commands, *said = (block.splitlines() for block in blocks)
     assert (len(commands), len(said)) == (4, 3)
     table = (*(f"{name}={SHOP[name]}" for name in ("features", "trials")), "out=my_transfer.csv")
     assert stage("predict_transfer", *table, out="table")[0] == 0

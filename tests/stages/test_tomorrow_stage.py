@@ -56,6 +56,78 @@ def test_lessons_now_and_lessons_that_can_wait(stage, tmp_path):
     code, told = stage("check_plan", *OWN, "scenarios=scenarios.csv", "plan=out", out="check")
     assert code == 0, told.err
     assert "1 tasks, order fixed; 2 scenarios of tomorrow; costs 346; no plan costs less than 346: optimal." in told.out
+    assert "plan.html shows these costs and this day." in told.out
+    assert "2 lessons recomputed, what they save solved for again, all are the same." in told.out
+    code, told = stage("check_plan", *OWN, "scenarios=scenarios.csv", "plan=out", "reasons_s=0", out="check")
+    assert (code, "savings of 1 were not compared, for want of time" in told.out) == (0, True)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "part"),
+    [
+        ("gear,robot,now", "gear,robot,can wait", "a row for 'gear' is missing"),
+        (",150,gear,", ",140,gear,", "row 2, column 'c_demo': is not what the plan says (150.0)"),
+        (",gear,3.6,", ",lid,3.6,", "row 2, column 'serves_today'"),
+        (",gear,3.6,", ",gear,3.7,", "row 2, column 'uses_tomorrow'"),
+        (",,0.4,", ",,0.5,", "row 3, column 'share_taught_tomorrow'"),
+        ("lid,robot,can wait,150,,,0.4,\n", "", "a row for 'lid' is missing"),
+        ("lid,robot", "gear,robot", "a row for 'lid' is missing"),
+        ("{saving}", "3", "row 2, column 'saving': is not what solving again gives"),
+    ],
+)
+def test_a_lesson_that_was_changed_is_found_with_its_row_and_field(stage, tmp_path, old, new, part):
+    """Nobody looked at tomorrow.csv; here plan.json, which has the same lessons, is changed alike."""
+    assert stage("plan", *OWN, "scenarios=scenarios.csv")[0] == 0
+    table, summary = tmp_path / "out/tomorrow.csv", tmp_path / "out/plan.json"
+    text, facts = table.read_text(encoding="utf-8"), json.loads(summary.read_text(encoding="utf-8"))
+    old = old.format(saving=text.splitlines()[1].rpartition(",")[2])
+    assert old in text
+    table.write_text(text.replace(old, new, 1), encoding="utf-8")
+    check = ("check_plan", *OWN, "scenarios=scenarios.csv", "plan=out")
+    code, told = stage(*check, out="check")
+    assert (code, "tomorrow.csv: is not what plan.json says" in told.err) == (2, True)
+    facts["lessons"] = lessons_of(table)
+    summary.write_text(json.dumps(facts), encoding="utf-8")
+    code, told = stage(*check, out="check")
+    assert (code, part in told.err) == (2, True), told.err
+
+
+def lessons_of(path):
+    """The lessons of plan.json that tomorrow.csv is written from."""
+    with path.open(encoding="utf-8") as stream:
+        rows = list(csv.DictReader(stream))
+    numbers = ("c_demo", "uses_tomorrow", "share_taught_tomorrow", "saving")
+    return [
+        {**row, **{name: float(row[name]) if row[name] else None for name in numbers}}
+        | {"serves_today": row["serves_today"].split("; ") if row["serves_today"] else []}
+        for row in rows
+    ]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "part"),
+    [
+        ("<b>346.0</b>", "<b>345.0</b>", "does not show the cost of this plan"),
+        ("proven optimal", "the best found", "does not show the cost of this plan"),
+        ("Today 150.0", "Today 140.0", "does not show the costs of the two days"),
+        ("100%", "99%", "does not show the day of this plan"),
+    ],
+)
+def test_a_page_that_shows_something_else_is_told(stage, tmp_path, old, new, part):
+    assert stage("plan", *OWN, "scenarios=scenarios.csv")[0] == 0
+    page = tmp_path / "out/plan.html"
+    text = page.read_text(encoding="utf-8")
+    assert old in text
+    page.write_text(text.replace(old, new), encoding="utf-8")
+    check = ("check_plan", *OWN, "scenarios=scenarios.csv", "plan=out")
+    code, told = stage(*check, out="check")
+    assert (code, f"plan.html: {part}" in told.err) == (2, True), told.err
+    page.unlink()
+    code, told = stage(*check, out="check")
+    assert (code, "plan.html" in told.out) == (0, False)
+    (tmp_path / "out/tomorrow.csv").unlink()
+    code, told = stage(*check, out="check")
+    assert (code, "tomorrow.csv: cannot be read as the lessons of a plan" in told.err) == (2, True)
 
 
 def test_a_forecast_is_sampled_and_its_error_said(stage, tmp_path):
