@@ -193,3 +193,27 @@ def test_a_day_that_is_killed_goes_on(stage, tmp_path):
     _, other = stage("day", "plan=plan", "outcomes=outcomes.csv", "hydra.run.dir=other")
     assert (day / "rest.csv").read_text() == (tmp_path / "other" / "rest.csv").read_text()
     assert told.out.splitlines()[-2] == other.out.splitlines()[-2]
+
+
+def test_what_is_remembered_changes_nothing_but_the_time_it_takes(stage, tmp_path):
+    """Every plan of the day was made again at each start."""
+    stage("day", "plan=plan", "outcomes=outcomes.csv")
+    day = tmp_path / "plan" / "day"
+    memory = day / ".progress.jsonl"
+    kept = {name: (day / name).read_bytes() for name in ("day.csv", "rest.csv", "changes.csv", ".progress.jsonl")}
+    assert kept[".progress.jsonl"].count(b"\n") == 4
+    for content in (kept[".progress.jsonl"], kept[".progress.jsonl"][:-30], b"", None):
+        memory.unlink()
+        if content is not None:
+            memory.write_bytes(content)
+        code, told = stage("day", "plan=plan")
+        assert code == 0, told.err
+        assert "4 outcomes are in " in told.out
+        assert {name: (day / name).read_bytes() for name in kept} == kept
+    lines = kept[".progress.jsonl"].splitlines(keepends=True)
+    corrected = kept["day.csv"].replace(b"lid,1,act,robot,peg,failure", b"lid,1,act,robot,peg,success")
+    (day / "day.csv").write_bytes(corrected)
+    code, told = stage("day", "plan=plan")
+    assert code == 0, told.err
+    assert memory.read_bytes().splitlines(keepends=True)[:3] == lines[:3]
+    assert memory.read_bytes().splitlines(keepends=True)[3] != lines[3]
