@@ -44,7 +44,8 @@ class Walk:
         """Take up what stands in `day.csv`, up to its last good row, and say what comes next."""
         self.day, self.file = morning, file
         self.remembered = first_digest(morning, self.key), 0
-        self._track(0, morning.spent, morning.left)
+        if not self.track.has_past:
+            self._track(0, morning.spent, morning.left)
         done = self._recall(morning, file.entries)
         self.day, self.wrong, problem = replay(self.day, file.entries[done:], str(self.path), self._seen)
         if file.torn:
@@ -103,7 +104,7 @@ class Walk:
     def summary(self) -> str:
         """The last line of the stage."""
         day = self.day
-        self.track.metrics({"objective": day.left, "spent": day.spent, "expected_total": day.expected_total})
+        self.track.metrics({"outcomes": len(day.events), "cost": day.expected_total})
         left = 0 if day.rest is None else int(day.rest.shop.count.sum())
         if not left:
             return f"The day is done: {len(day.events)} outcomes, cost {day.spent:,.1f}."
@@ -130,6 +131,8 @@ class Walk:
         self.day, self.remembered = day, (known[-1].digest, known[-1].end)
         for number, one in enumerate(known, start=1):
             self._keep(number, one.event, one.spent, one.left, one.change)
+            if not self.track.has_past:
+                self._track(number, one.spent, one.left)
         return len(known)
 
     def _seen(self, before: Day, after: Day) -> str:
@@ -137,6 +140,7 @@ class Walk:
         self.day = after
         told = explain_change(after.shop, change_of(before, after))
         self.remembered = append_progress(self.memory, *self.remembered, after, told)
+        self._track(len(after.events), after.spent, after.left)
         return self._keep(len(after.events), after.events[-1], after.spent, after.left, told)
 
     def _keep(self, number: int, event: Event, spent: float, left: float, told: str) -> str:
@@ -144,7 +148,6 @@ class Walk:
         name = shop.tasks[event.task] if event.task >= 0 else shop.lessons[event.lesson]
         costs = (f"{spent:.12g}", f"{spent + left:.12g}")
         self.changes.append((str(number), guarded_cell(name), str(event.outcome), *costs, guarded_cell(told)))
-        self._track(number, spent, left)
         return f"{number}. {printable(name, lines=False)}: {event.outcome}; {told}"
 
     def _track(self, step: int, spent: float, left: float) -> None:

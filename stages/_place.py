@@ -79,7 +79,7 @@ class NewFolders(Callback):
         self.above.clear()
         with suppress(OmegaConfBaseException, OSError):  # what is wrong with the place, Hydra will say
             place = Path(str(config.hydra.run.dir)).absolute()
-            self.above += [folder for folder in place.parents if not folder.exists()]
+            self.above.extend(folder for folder in place.parents if not folder.exists())
 
 
 def clear(out: Path, before: set[Path]) -> None:
