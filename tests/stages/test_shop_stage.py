@@ -1,13 +1,12 @@
 """The stages from a person's tables to a plan that is checked: copies, robots, a partial order, limits, gaps."""
 
-import csv
-import importlib
 import json
 from pathlib import Path
 
 import pytest
 
 from examples.shop import make
+from tests.stages.tables import rows_of
 
 SHOP_FOLDER = Path(make.__file__).parent
 SHOP = {name: SHOP_FOLDER / f"{name}.csv" for name in ("features", "trials", "orders", "before", "robots")}
@@ -32,28 +31,6 @@ FILES = {
 }  # fmt: skip
 OWN = ("tasks=orders.csv", "transfer=transfer.csv")
 ALL = ("before=before.csv", "robots=robots.csv", "fill=0")
-
-
-@pytest.fixture
-def stage(tmp_path, monkeypatch, capsys):
-    """Run a stage in a folder with these files; gives exit code and what it printed."""
-    for name, text in FILES.items():
-        (tmp_path / f"{name}.csv").write_text(text, encoding="utf-8")
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("HYDRA_FULL_ERROR", "1")
-
-    def run(name, *words, out="out"):
-        monkeypatch.setattr("sys.argv", [name, *words, "tracking=disabled", f"hydra.run.dir={tmp_path / out}"])
-        with pytest.raises(SystemExit) as left:
-            importlib.import_module(f"stages.{name}").run()
-        return left.value.code, capsys.readouterr()
-
-    return run
-
-
-def rows_of(path):
-    with path.open(encoding="utf-8", newline="") as stream:
-        return list(csv.DictReader(stream))
 
 
 def test_a_day_with_everything_is_planned_and_checked(stage, tmp_path):

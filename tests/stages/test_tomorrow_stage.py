@@ -1,10 +1,10 @@
 """The stages `plan` and `check_plan` with an uncertain tomorrow: what is taken now, what can wait, and wrong input."""
 
-import csv
-import importlib
 import json
 
 import pytest
+
+from tests.stages.tables import rows_of
 
 ORDERS = "task;c_rob;c_hum;c_fail;c_demo;Bay\ngear;10;100;100;150;A\n"
 TRANSFER = "taught,tested,p\ngear,gear,0.9\ngear,lid,0\nlid,lid,0.9\nlid,gear,0\n"
@@ -19,29 +19,11 @@ FILES = {
 OWN = ("tasks=orders.csv", "transfer=transfer.csv", "tomorrow=types.csv")
 
 
-@pytest.fixture
-def stage(tmp_path, monkeypatch, capsys):
-    """Run a stage in a folder with these files; gives exit code and what it printed."""
-    for name, text in FILES.items():
-        (tmp_path / f"{name}.csv").write_text(text, encoding="utf-8")
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("HYDRA_FULL_ERROR", "1")
-
-    def run(name, *words, out="out"):
-        monkeypatch.setattr("sys.argv", [name, *words, "tracking=disabled", f"hydra.run.dir={tmp_path / out}"])
-        with pytest.raises(SystemExit) as left:
-            importlib.import_module(f"stages.{name}").run()
-        return left.value.code, capsys.readouterr()
-
-    return run
-
-
 def test_lessons_now_and_lessons_that_can_wait(stage, tmp_path):
     """The gear is taught today, 150, which saves 0.4 · 130 more than it costs; the lid if it comes: 150 + 8 · 20."""
     code, told = stage("plan", *OWN, "scenarios=scenarios.csv")
     assert code == 0, told.err
-    with (tmp_path / "out/tomorrow.csv").open(encoding="utf-8") as stream:
-        rows = {row["lesson"]: row for row in csv.DictReader(stream)}
+    rows = {row["lesson"]: row for row in rows_of(tmp_path / "out/tomorrow.csv")}
     assert rows["gear"]["when"] == "now"
     assert float(rows["gear"]["saving"]) == pytest.approx(100 + 0.4 * 310 - (150 + 0.4 * 180))
     assert (rows["lid"]["when"], rows["lid"]["share_taught_tomorrow"]) == ("can wait", "0.4")
@@ -94,13 +76,11 @@ def test_a_lesson_that_was_changed_is_found_with_its_row_and_field(stage, tmp_pa
 
 def lessons_of(path):
     """The lessons of plan.json that tomorrow.csv is written from."""
-    with path.open(encoding="utf-8") as stream:
-        rows = list(csv.DictReader(stream))
     numbers = ("c_demo", "uses_tomorrow", "share_taught_tomorrow", "saving")
     return [
         {**row, **{name: float(row[name]) if row[name] else None for name in numbers}}
         | {"serves_today": row["serves_today"].split("; ") if row["serves_today"] else []}
-        for row in rows
+        for row in rows_of(path)
     ]
 
 
