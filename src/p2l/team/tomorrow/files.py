@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -13,10 +12,20 @@ from typing import Any, cast
 
 import numpy as np
 
-from p2l.artifacts import finite, save_arrays, write_text
+from p2l.artifacts import finite
 from p2l.errors import ArtifactError, InputError, ShapeError
 from p2l.team.problem import Status
-from p2l.team.shop.files import PROOF, SUMMARY, TABLE, named_rows, proof_arrays, read_proof, read_summary, table_text
+from p2l.team.shop.files import (
+    PROOF,
+    SUMMARY,
+    TABLE,
+    check_table,
+    named_rows,
+    read_proof,
+    read_summary,
+    table_text,
+    write_files,
+)
 from p2l.team.shop.record import ShopPlan
 from p2l.team.tomorrow.reading import TwoStageReading
 from p2l.team.tomorrow.reasons import LessonLater, LessonTimes, LessonToday
@@ -49,7 +58,7 @@ def write_two_stage_plan(
     estimate: Estimate | None = None,
 ) -> None:
     """Write `plan.csv` (today), `tomorrow.csv` (lessons now and later), `plan.json` and `certificate.npz`."""
-    out, program = Path(folder), reading.program
+    program = reading.program
     lessons = lesson_rows(program, reasons)
     for row in lessons:
         row["saving"] = None if row["saving"] is None else finite(row["saving"])
@@ -69,13 +78,8 @@ def write_two_stage_plan(
         "later": plan.later.tolist(),
         "scenarios": _scenarios(reading, plan),
     }
-    facts = json.dumps(summary, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
-    table = table_text(program.today, plan.today, reading.day.extra)
-    if plan.certificate is not None:
-        save_arrays(out / PROOF, proof_arrays(plan.certificate), schema="shop_certificate", version=1)
-    write_text(out / LESSONS, lessons_text(lessons))
-    write_text(out / TABLE, table)
-    write_text(out / SUMMARY, facts)
+    texts = {LESSONS: lessons_text(lessons), TABLE: table_text(program.today, plan.today, reading.day.extra)}
+    write_files(Path(folder), summary, plan.certificate, texts)
 
 
 def lessons_text(lessons: Sequence[Mapping[str, Any]]) -> str:
@@ -122,12 +126,7 @@ def read_two_stage_plan(folder: Path | str, reading: TwoStageReading) -> TwoStag
             raise ValueError("its scenarios are others")
     except (KeyError, ValueError, TypeError, AttributeError, IndexError, ShapeError, OverflowError) as error:
         raise InputError.at(out / SUMMARY, None, None, f"is no plan of these tables ({error}); plan again") from error
-    try:
-        text = (out / TABLE).read_bytes().decode()
-    except (OSError, UnicodeDecodeError) as error:
-        raise ArtifactError(f"{out / TABLE}: cannot be read as a plan ({error}); plan again") from error
-    if text != table_text(program.today, today, reading.day.extra):
-        raise InputError.at(out / TABLE, None, None, f"is not what {SUMMARY} says; plan again")
+    check_table(out, table_text(program.today, today, reading.day.extra))
     return plan
 
 
