@@ -5,15 +5,16 @@ from __future__ import annotations
 import csv
 import io
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from p2l.artifacts import write_text
 from p2l.errors import InputError
-from p2l.team.day import Day, change_of, explain_change, next_step
+from p2l.team.day import Day, Event, change_of, explain_change, next_step
 from p2l.team.day.change import way
 from p2l.team.day.entries import DayEntry, replay
 from p2l.team.day.files import DayFile, append_event, restore
+from p2l.team.day.progress import PROGRESS, append_progress, day_after, first_digest, read_progress
 from p2l.team.day.record import ALLOWED
 from p2l.team.problem import Decision
 from p2l.team.shop.files import table_text
@@ -34,6 +35,7 @@ class Walk:
         self.path, self.key, self.track, self.extra = path, key, track, extra
         self.size = -1  # of day.csv, once its rows are known to be good
         self.changes: list[tuple[str, ...]] = []
+        self.memory, self.remembered = path.with_name(PROGRESS), ("", 0)  # digest and end of its last line
         self.day: Day
         self.file: DayFile
         self.wrong: DayEntry | None = None
@@ -41,8 +43,11 @@ class Walk:
     def go_on(self, morning: Day, file: DayFile) -> None:
         """Take up what stands in `day.csv`, up to its last good row, and say what comes next."""
         self.day, self.file = morning, file
-        self._track()
-        self.day, self.wrong, problem = replay(morning, file.entries, str(self.path), self._seen)
+        self.remembered = first_digest(morning, self.key), 0
+        if not self.track.has_past:
+            self._track(0, morning.spent, morning.left)
+        done = self._recall(morning, file.entries)
+        self.day, self.wrong, problem = replay(self.day, file.entries[done:], str(self.path), self._seen)
         if file.torn:
             torn = printable(file.torn, lines=False)
             print(f"{self.path}: its last row was not finished and is left out: {torn}")
@@ -99,7 +104,7 @@ class Walk:
     def summary(self) -> str:
         """The last line of the stage."""
         day = self.day
-        self.track.metrics({"objective": day.left, "spent": day.spent, "expected_total": day.expected_total})
+        self.track.metrics({"outcomes": len(day.events), "cost": day.expected_total})
         left = 0 if day.rest is None else int(day.rest.shop.count.sum())
         if not left:
             return f"The day is done: {len(day.events)} outcomes, cost {day.spent:,.1f}."
@@ -117,21 +122,36 @@ class Walk:
         self.day = after
         print(self._seen(before, after))
 
+    def _recall(self, morning: Day, entries: Sequence[DayEntry]) -> int:
+        """Take up the rows of which it is known what they led to; returns how many these are."""
+        known = read_progress(self.memory, morning, self.key, entries)
+        day = day_after(morning, known)
+        if day is None:
+            return 0
+        self.day, self.remembered = day, (known[-1].digest, known[-1].end)
+        for number, one in enumerate(known, start=1):
+            self._keep(number, one.event, one.spent, one.left, one.change)
+            if not self.track.has_past:
+                self._track(number, one.spent, one.left)
+        return len(known)
+
     def _seen(self, before: Day, after: Day) -> str:
         """Keep and return what an outcome has changed."""
         self.day = after
-        event, number = after.events[-1], len(after.events)
-        name = after.shop.tasks[event.task] if event.task >= 0 else after.shop.lessons[event.lesson]
         told = explain_change(after.shop, change_of(before, after))
-        costs = (f"{after.spent:.12g}", f"{after.expected_total:.12g}")
+        self.remembered = append_progress(self.memory, *self.remembered, after, told)
+        self._track(len(after.events), after.spent, after.left)
+        return self._keep(len(after.events), after.events[-1], after.spent, after.left, told)
+
+    def _keep(self, number: int, event: Event, spent: float, left: float, told: str) -> str:
+        shop = self.day.shop
+        name = shop.tasks[event.task] if event.task >= 0 else shop.lessons[event.lesson]
+        costs = (f"{spent:.12g}", f"{spent + left:.12g}")
         self.changes.append((str(number), guarded_cell(name), str(event.outcome), *costs, guarded_cell(told)))
-        self._track()
         return f"{number}. {printable(name, lines=False)}: {event.outcome}; {told}"
 
-    def _track(self) -> None:
-        day = self.day
-        values = {"objective": day.left, "spent": day.spent, "expected_total": day.expected_total}
-        self.track.metrics(values, step=len(day.events))
+    def _track(self, step: int, spent: float, left: float) -> None:
+        self.track.metrics({"objective": left, "spent": spent, "expected_total": spent + left}, step=step)
 
     def _costs(self) -> str:
         return f"Spent {self.day.spent:,.1f}, expected for the rest {self.day.left:,.1f}."

@@ -8,7 +8,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
+from typing import Any, ClassVar
+
+from hydra.experimental.callback import Callback
+from omegaconf import DictConfig
+from omegaconf.errors import OmegaConfBaseException
 
 from p2l.artifacts import write_text
 from p2l.manifest import check_files
@@ -80,6 +86,19 @@ def written(out: Path, before: Stamps) -> set[Path]:
     return {file for file in now if now[file] != before.get(file)} - {out / RUN_FILE, out / LOG_FILE, out / NOTE_FILE}
 
 
+class NewFolders(Callback):
+    """Notes, before Hydra makes a run's folder, which of the folders above it there are not; see `clear`."""
+
+    above: ClassVar[list[Path]] = []  # the lowest first
+
+    def on_run_start(self, config: DictConfig, **_: Any) -> None:
+        """Of a single run; those of a sweep lie in a folder that stays."""
+        self.above.clear()
+        with suppress(OmegaConfBaseException, OSError):  # what is wrong with the place, Hydra will say
+            place = Path(str(config.hydra.run.dir)).absolute()
+            self.above.extend(folder for folder in place.parents if not folder.exists())
+
+
 def clear(out: Path, before: Stamps) -> None:
     """Take away what every stage writes, so that a refused input leaves what was there `before`, or nothing."""
     new = {out / RUN_FILE, out / LOG_FILE, out / NOTE_FILE} - set(before)
@@ -87,8 +106,13 @@ def clear(out: Path, before: Stamps) -> None:
         new.discard(out / NOTE_FILE)
     for file in new:
         file.unlink(missing_ok=True)
-    if not before and not any(out.iterdir()):
-        out.rmdir()
+    if before or any(out.iterdir()):
+        return
+    out.rmdir()
+    for folder in NewFolders.above:
+        if folder not in out.parents or any(folder.iterdir()):
+            return
+        folder.rmdir()
 
 
 def _noted(out: Path) -> str | None:

@@ -79,17 +79,18 @@ class JobError(Exception):
 
 
 def stage(
-    name: str, schema: type[ConfigT], finished: FinishedCheck[ConfigT] | None = None
+    name: str, schema: type[ConfigT], finished: FinishedCheck[ConfigT] | None = None, record: str | None = None
 ) -> Callable[[StageFunction[ConfigT]], Callable[[], None]]:
     """Make a function the stage `name`, whose configuration is `conf/<name>.yaml` and obeys `schema`.
 
-    `finished` says, before anything is written, what to tell of a run that is there already instead of running it.
+    `finished` says, before anything is written, what to tell of a run that is there already instead of running it; with
+    the file `record` in its folder, a stage goes on with the tracked run.
     """
 
     def decorate(function: StageFunction[ConfigT]) -> Callable[[], None]:
         @functools.wraps(function)
         def job(config: DictConfig) -> None:
-            _job(name, schema, function, config, finished)
+            _job(name, schema, function, config, finished, record)
 
         entry = hydra.main(config_path=str(ROOT / "conf"), config_name=name, version_base="1.3")(job)
 
@@ -173,6 +174,7 @@ def _job(
     function: StageFunction[ConfigT],
     config: DictConfig,
     finished: FinishedCheck[ConfigT] | None,
+    record: str | None,
 ) -> None:
     """One run, alone or in a sweep; reports its own errors, then ends the process or, in a sweep, raises `JobError`."""
     settings = HydraConfig.get()
@@ -183,7 +185,7 @@ def _job(
     before = stamps(out)
     _log_to(out)
     try:
-        _run(name, schema, function, config, out, finished)
+        _run(name, schema, function, config, out, finished, record)
     except P2LError as error:
         _clear(out, before)
         print(f"{title}: {printable(str(error))}", file=sys.stderr)
@@ -224,8 +226,7 @@ def _what_goes_on(name: str, out: Path, before: Stamps) -> str:
     left = written(out, before)
     if not left:
         _clear(out, before)
-    place = os.path.relpath(out)
-    command = safe_uri(_command(name))
+    place, command = os.path.relpath(out), safe_uri(_command(name))
     if not left:
         return f"Nothing is kept. To begin again:\n  {command}"
     if "hydra.run.dir=" not in command:
@@ -240,6 +241,7 @@ def _run(
     config: DictConfig,
     out: Path,
     finished: FinishedCheck[ConfigT] | None,
+    record: str | None,
 ) -> None:
     cfg = validate(resolve(config), schema, "configuration")
     check_place(out)
@@ -259,6 +261,7 @@ def _run(
         config_hash=cfg.hash,
         command=safe_uri(_command(name)),
         parent=os.environ.get(PARENT_VARIABLE),
+        goes_on=record is not None and (out / record).is_file(),
     )
     with start(card, out, ROOT, enabled=cfg.tracking.enabled, uri=cfg.tracking.uri) as track:
         function(cfg, out, track)

@@ -11,7 +11,15 @@ from p2l.seeding import generator
 from p2l.team.certificate import Verdict
 from p2l.team.shop.files import check_shop_place, settings_of
 from p2l.team.tomorrow import check_two_stage_plan, plan_two_stage, replicate
-from p2l.team.tomorrow.files import FILES, TwoStageSetting, read_two_stage_plan, setting_of, write_two_stage_plan
+from p2l.team.tomorrow.files import (
+    FILES,
+    LESSONS,
+    TwoStageSetting,
+    read_two_stage_plan,
+    setting_of,
+    write_two_stage_plan,
+)
+from p2l.team.tomorrow.lessons_check import check_lessons
 from p2l.team.tomorrow.reading import Future, TwoStageReading, read_two_stage
 from p2l.team.tomorrow.reasons import explain_two_stage, lesson_times
 from p2l.team.tomorrow.record import TwoStagePlan
@@ -67,16 +75,26 @@ def plan_both_days(cfg: PlanConfig, out: Path, track: Tracker) -> None:
     print(text)
 
 
-def check_both_days(cfg: CheckPlanConfig) -> tuple[Verdict, str]:
-    """What was recomputed, and of what."""
+def check_both_days(cfg: CheckPlanConfig) -> tuple[Verdict, str, list[str]]:
+    """What was recomputed, of what, and what else was found to be so."""
+    from p2l.evaluation.team.tomorrow_page import check_tomorrow_page
+
     if not cfg.has_future:
         raise ConfigError(f"plan={cfg.plan}: is for today and tomorrow; give its scenarios=… or forecast=…, too")
     order, *limits = settings_of(cfg.plan)
     reading = read_both_days(cfg, setting_of(cfg.plan), order, (limits[0], limits[1]))
-    program = reading.program
-    verdict = check_two_stage_plan(program, read_two_stage_plan(cfg.plan, reading))
+    program, plan = reading.program, read_two_stage_plan(cfg.plan, reading)
+    verdict = check_two_stage_plan(program, plan)
+    shown = check_tomorrow_page(cfg.plan / "plan.html", program, plan)
+    notes = ["plan.html shows these costs and this day."] if shown else []
+    lessons = check_lessons(cfg.plan, program, plan, time_limit_s=cfg.reasons_s)
+    rest = (
+        f"; savings of {lessons.unknown} were not compared, for want of time (reasons_s=…)" if lessons.unknown else ""
+    )
+    count = f"{lessons.lessons} lesson{'' if lessons.lessons == 1 else 's'}"
+    notes.append(f"{LESSONS}: {count} recomputed, what they save solved for again, all are the same{rest}.")
     tasks = f"{int(program.today.count.sum())} tasks, order {program.today.order}"
-    return verdict, f"{tasks}; {program.scenarios} scenarios of tomorrow"
+    return verdict, f"{tasks}; {program.scenarios} scenarios of tomorrow", notes
 
 
 def _estimate(cfg: PlanConfig, reading: TwoStageReading, plan: TwoStagePlan) -> Estimate | None:

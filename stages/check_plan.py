@@ -16,9 +16,8 @@ from stages._tomorrow import check_both_days
 @stage("check_plan", CheckPlanConfig)
 def run(cfg: CheckPlanConfig, out: Path, track: Tracker) -> None:  # noqa: ARG001
     """Print what was recomputed."""
-    notes: list[str] = []
     if is_two_stage(cfg.plan):
-        verdict, what = check_both_days(cfg)
+        verdict, what, notes = check_both_days(cfg)
     elif cfg.has_future:
         raise ConfigError(f"plan={cfg.plan}: is for today alone; leave out scenarios, forecast and tomorrow")
     else:

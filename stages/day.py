@@ -14,7 +14,7 @@ from stages._day import Walk
 from stages._stage import stage
 
 
-@stage("day", DayConfig)
+@stage("day", DayConfig, record=DAY)
 def run(cfg: DayConfig, out: Path, track: Tracker) -> None:
     """Go on from `day.csv`, enter what happened, and write the plan for the rest."""
     saved = load_shop(cfg.plan)

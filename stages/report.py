@@ -29,7 +29,8 @@ ABOUT = (
 @stage("report", ReportConfig)
 def run(cfg: ReportConfig, out: Path, track: Tracker) -> None:
     """Make every section, then write the page, its tables and figures, and the headline numbers."""
-    sources = Sources(cfg.data, cfg.thesis, cfg.domains, cfg.worlds, cfg.recovery_worlds, cfg.chain_worlds)
+    worlds = (cfg.worlds, cfg.recovery_worlds, cfg.chain_worlds)
+    sources = Sources(cfg.data, cfg.thesis, cfg.domains, *worlds, cfg.results)
     sections = []
     with bar("report") as show:
         for done, make in enumerate(SECTIONS, start=1):

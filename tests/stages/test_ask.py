@@ -1,13 +1,12 @@
 """The stage that says what to ask a person next: by hand, to the end, and with mistakes in its tables."""
 
-import csv
-import importlib
 import shutil
 from pathlib import Path
 
 import pytest
 
 from examples.shop import make
+from tests.stages.tables import rows_of
 
 SHOP = Path(make.__file__).parent
 FILES = {
@@ -20,28 +19,6 @@ FILES = {
     "bare": "task,c_rob,c_hum,c_fail,c_demo\npeg,10,50,100,100\n",
 }
 OWN = ("tasks=orders.csv", "transfer=transfer.csv", "fill=0")
-
-
-@pytest.fixture
-def stage(tmp_path, monkeypatch, capsys):
-    """Run a stage in a folder with these files; gives exit code and what it printed."""
-    for name, text in FILES.items():
-        (tmp_path / f"{name}.csv").write_text(text, encoding="utf-8")
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("HYDRA_FULL_ERROR", "1")
-
-    def run(name, *words, out="out"):
-        monkeypatch.setattr("sys.argv", [name, *words, "tracking=disabled", f"hydra.run.dir={tmp_path / out}"])
-        with pytest.raises(SystemExit) as left:
-            importlib.import_module(f"stages.{name}").run()
-        return left.value.code, capsys.readouterr()
-
-    return run
-
-
-def rows_of(path):
-    with path.open(encoding="utf-8", newline="") as stream:
-        return list(csv.DictReader(stream))
 
 
 def test_a_question_is_told_with_its_worth_and_the_plan_without_it(stage, tmp_path):

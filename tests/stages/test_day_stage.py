@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from mlflow import MlflowClient
 
 ROOT = Path(__file__).resolve().parents[2]
 FILES = {
@@ -21,9 +22,10 @@ HEADER = "step,task,copy,decision,robot,lesson,outcome,note,plan"
 
 
 def ended(name, *words):
-    """Exit code of a stage that is run here."""
+    """Exit code of a stage that is run here; nothing is tracked unless a store is named."""
+    tracking = () if any(word.startswith("tracking.") for word in words) else ("tracking=disabled",)
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("sys.argv", [name, *words, "tracking=disabled"])
+        patch.setattr("sys.argv", [name, *words, *tracking])
         patch.setenv("HYDRA_FULL_ERROR", "1")
         with pytest.raises(SystemExit) as left:
             importlib.import_module(f"stages.{name}").run()
@@ -216,3 +218,48 @@ def test_a_day_that_is_stopped_goes_on_although_it_has_written_over_its_own_file
     (tmp_path / "wrong.csv").write_text("task,outcome\nlid,failure\nplate,success\n")
     assert stage("day", "plan=plan", "outcomes=wrong.csv")[0] == 2
     assert stage("day", "plan=plan", typed="")[0] == 0
+
+
+def test_what_is_remembered_changes_nothing_but_the_time_it_takes(stage, tmp_path):
+    """Every plan of the day was made again at each start."""
+    stage("day", "plan=plan", "outcomes=outcomes.csv")
+    day = tmp_path / "plan" / "day"
+    memory = day / ".progress.jsonl"
+    kept = {name: (day / name).read_bytes() for name in ("day.csv", "rest.csv", "changes.csv", ".progress.jsonl")}
+    assert kept[".progress.jsonl"].count(b"\n") == 4
+    for content in (kept[".progress.jsonl"], kept[".progress.jsonl"][:-30], b"", None):
+        memory.unlink()
+        if content is not None:
+            memory.write_bytes(content)
+        code, told = stage("day", "plan=plan")
+        assert code == 0, told.err
+        assert "4 outcomes are in " in told.out
+        assert {name: (day / name).read_bytes() for name in kept} == kept
+    lines = kept[".progress.jsonl"].splitlines(keepends=True)
+    corrected = kept["day.csv"].replace(b"lid,1,act,robot,peg,failure", b"lid,1,act,robot,peg,success")
+    (day / "day.csv").write_bytes(corrected)
+    code, told = stage("day", "plan=plan")
+    assert code == 0, told.err
+    assert memory.read_bytes().splitlines(keepends=True)[:3] == lines[:3]
+    assert memory.read_bytes().splitlines(keepends=True)[3] != lines[3]
+
+
+def test_a_day_is_one_run_of_the_store_however_often_it_is_stopped(stage, tmp_path):
+    """Typed, then from a table, then a wrong row, then nothing new: each start was a run from step 0."""
+    store = f"tracking.uri=sqlite:///{tmp_path / 'runs.db'}"
+    stage("day", "plan=plan", store, typed="d\nf\nq\n")
+    (tmp_path / "rest.csv").write_text("step,task,outcome\n3,,success\n4,lid,failure\n")
+    code, told = stage("day", "plan=plan", store, "outcomes=rest.csv")
+    assert code == 0, told.err
+    (tmp_path / "rest.csv").write_text("step,task,outcome\n5,,broke\n")
+    assert stage("day", "plan=plan", store, "outcomes=rest.csv")[0] == 2
+    stage("day", "plan=plan", store)
+    client = MlflowClient(tracking_uri=store.partition("=")[2])
+    [run] = client.search_runs([client.get_experiment_by_name("day").experiment_id])
+    assert run.info.status == "FINISHED"
+    spent = client.get_metric_history(run.info.run_id, "spent")
+    assert [each.step for each in spent] == [0, 1, 2, 3, 4]
+    assert [each.value for each in spent] == [0.0, 8.0, 18.0, 19.0, 29.0]
+    (tmp_path / "plan/day/day.csv").unlink()  # another day
+    stage("day", "plan=plan", store, typed="d\nq\n")
+    assert len(client.search_runs([client.get_experiment_by_name("day").experiment_id])) == 2

@@ -99,7 +99,7 @@ def test_the_shop_s_files_are_those_that_its_script_makes(tmp_path):
     p = make.main(tmp_path)
     for path in tmp_path.iterdir():
         assert path.read_bytes() == (SHOP / path.name).read_bytes()
-    by_hand = {"outcomes.csv", "prior.csv"}
+    by_hand = {"answers.csv", "outcomes.csv", "prior.csv"}
     assert {path.name for path in tmp_path.iterdir()} == {path.name for path in SHOP.glob("*.csv")} - by_hand
     tasks = read_features(FEATURES)
     assert (len(tasks.names), len(set(tasks.family.tolist()))) == (28, 9)

@@ -1,13 +1,12 @@
 """The stages from a person's tables to a plan that is checked: copies, robots, a partial order, limits, gaps."""
 
-import csv
-import importlib
 import json
 from pathlib import Path
 
 import pytest
 
 from examples.shop import make
+from tests.stages.tables import rows_of
 
 SHOP_FOLDER = Path(make.__file__).parent
 SHOP = {name: SHOP_FOLDER / f"{name}.csv" for name in ("features", "trials", "orders", "before", "robots")}
@@ -32,28 +31,6 @@ FILES = {
 }  # fmt: skip
 OWN = ("tasks=orders.csv", "transfer=transfer.csv")
 ALL = ("before=before.csv", "robots=robots.csv", "fill=0")
-
-
-@pytest.fixture
-def stage(tmp_path, monkeypatch, capsys):
-    """Run a stage in a folder with these files; gives exit code and what it printed."""
-    for name, text in FILES.items():
-        (tmp_path / f"{name}.csv").write_text(text, encoding="utf-8")
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("HYDRA_FULL_ERROR", "1")
-
-    def run(name, *words, out="out"):
-        monkeypatch.setattr("sys.argv", [name, *words, "tracking=disabled", f"hydra.run.dir={tmp_path / out}"])
-        with pytest.raises(SystemExit) as left:
-            importlib.import_module(f"stages.{name}").run()
-        return left.value.code, capsys.readouterr()
-
-    return run
-
-
-def rows_of(path):
-    with path.open(encoding="utf-8", newline="") as stream:
-        return list(csv.DictReader(stream))
 
 
 def test_a_day_with_everything_is_planned_and_checked(stage, tmp_path):
@@ -206,17 +183,27 @@ def test_the_example_s_shop_from_trials_to_a_plan_that_is_checked(stage, tmp_pat
     assert ": optimal." in told.out
 
 
-def test_the_example_s_day_with_its_two_surprises(stage):
-    """Of the plan without `robots=`, as the docs say."""
-    table = ("predict_transfer", *(f"{name}={SHOP[name]}" for name in ("features", "trials")), "out=table.csv")
-    assert stage(*table, out="table")[0] == 0
-    words = (f"tasks={SHOP['orders']}", "transfer=table.csv", f"before={SHOP['before']}", "reasons_s=0")
-    code, told = stage("plan", *words)
-    assert code == 0, told.err
-    assert told.out.count("Expected cost 302.0 (proven optimal)") == 1
-    outcomes = Path(SHOP["orders"]).with_name("outcomes.csv")
-    code, told = stage("day", "plan=out", f"outcomes={outcomes}", out="day")
-    assert code == 0, told.err
-    assert "8. bearing_3: not taught; expected cost of the day 295.3 -> 319.5\n  new lesson: bearing_1 (" in told.out
-    assert "43. connector_2: failure; expected cost of the day 216.7 -> 238.4 (240.0 if the plan were kept)" in told.out
-    assert "The day is done: 46 outcomes, cost 223.0." in told.out
+def test_the_documented_day_with_one_question_and_two_surprises(stage, tmp_path):
+    """The commands of docs/your-tasks.md, as they stand there, print what stands below them."""
+    text = (SHOP_FOLDER.parents[1] / "docs/your-tasks.md").read_text(encoding="utf-8")
+    _, _, section = text.partition("### A day with one question and two surprises\n")
+    blocks = section.partition("\n| outcome of |")[0].split("```\n")[1::2]
+    commands, *said = (block.splitlines() for block in blocks)
+    assert (len(commands), len(said)) == (4, 3)
+    table = (*(f"{name}={SHOP[name]}" for name in ("features", "trials")), "out=my_transfer.csv")
+    assert stage("predict_transfer", *table, out="table")[0] == 0
+    (tmp_path / "examples").mkdir()
+    (tmp_path / "examples/shop").symlink_to(SHOP_FOLDER)
+    printed = []
+    for command in commands:
+        _, _, name, *words = command.split()
+        own = [word for word in words if not word.startswith("hydra.run.dir=")]
+        [folder] = [word.partition("=")[2] for word in words if word not in own] or ["outputs/today/day"]
+        code, told = stage(name.removeprefix("stages."), *own, out=folder)
+        assert code == 0, told.err
+        printed.append(told.out.splitlines())
+    for lines, outputs in zip(said, (printed[:1], printed[1:3], printed[3:]), strict=True):
+        for output in outputs:
+            assert [line for line in lines if line not in output] == []
+    with_question = float(printed[3][-2].rpartition("cost ")[2].rstrip(".")) + 2.0
+    assert f"With the question the day has cost {with_question:.1f}; " in section

@@ -95,6 +95,28 @@ def test_a_refused_rerun_leaves_the_earlier_run_as_it_was(tmp_path, monkeypatch)
     )
 
 
+@pytest.mark.parametrize("kept", ["", "runs", "runs/mistyped/day"])
+@pytest.mark.parametrize("name", ["day", "check_plan", "collect"])
+def test_a_refused_run_leaves_none_of_the_folders_that_were_made_for_it(tmp_path, monkeypatch, capsys, name, kept):
+    """`day plan=mistyped` left an empty folder `mistyped`."""
+    (tmp_path / kept).mkdir(parents=True, exist_ok=True)
+    before = sorted(tmp_path.rglob("*"))
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("HYDRA_FULL_ERROR", "1")
+    words = {
+        "day": ("plan=runs/mistyped",),
+        "check_plan": ("plan=runs/mistyped", "tasks=a.csv", "transfer=b.csv", "hydra.run.dir=runs/mistyped/day"),
+        "collect": (*SMALL, "draws=0", "hydra.run.dir=runs/mistyped/day"),
+    }[name]
+    monkeypatch.setattr(sys, "argv", [name, *words, "tracking=disabled"])
+    with pytest.raises(SystemExit) as left:
+        importlib.import_module(f"stages.{name}").run()
+    told = capsys.readouterr().err
+    assert (left.value.code, "Traceback" in told, "Warning" in told) == (2, False, False)
+    after = [path for path in sorted(tmp_path.rglob("*")) if path != tmp_path / "runs/mistyped/day"]
+    assert after == [path for path in before if path != tmp_path / "runs/mistyped/day"]
+
+
 @pytest.mark.parametrize(
     ("given", "meant"),
     [

@@ -1,10 +1,10 @@
 """The stages `plan` and `check_plan` with an uncertain tomorrow: what is taken now, what can wait, and wrong input."""
 
-import csv
-import importlib
 import json
 
 import pytest
+
+from tests.stages.tables import rows_of
 
 ORDERS = "task;c_rob;c_hum;c_fail;c_demo;Bay\ngear;10;100;100;150;A\n"
 TRANSFER = "taught,tested,p\ngear,gear,0.9\ngear,lid,0\nlid,lid,0.9\nlid,gear,0\n"
@@ -19,29 +19,11 @@ FILES = {
 OWN = ("tasks=orders.csv", "transfer=transfer.csv", "tomorrow=types.csv")
 
 
-@pytest.fixture
-def stage(tmp_path, monkeypatch, capsys):
-    """Run a stage in a folder with these files; gives exit code and what it printed."""
-    for name, text in FILES.items():
-        (tmp_path / f"{name}.csv").write_text(text, encoding="utf-8")
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("HYDRA_FULL_ERROR", "1")
-
-    def run(name, *words, out="out"):
-        monkeypatch.setattr("sys.argv", [name, *words, "tracking=disabled", f"hydra.run.dir={tmp_path / out}"])
-        with pytest.raises(SystemExit) as left:
-            importlib.import_module(f"stages.{name}").run()
-        return left.value.code, capsys.readouterr()
-
-    return run
-
-
 def test_lessons_now_and_lessons_that_can_wait(stage, tmp_path):
     """The gear is taught today, 150, which saves 0.4 · 130 more than it costs; the lid if it comes: 150 + 8 · 20."""
     code, told = stage("plan", *OWN, "scenarios=scenarios.csv")
     assert code == 0, told.err
-    with (tmp_path / "out/tomorrow.csv").open(encoding="utf-8") as stream:
-        rows = {row["lesson"]: row for row in csv.DictReader(stream)}
+    rows = {row["lesson"]: row for row in rows_of(tmp_path / "out/tomorrow.csv")}
     assert rows["gear"]["when"] == "now"
     assert float(rows["gear"]["saving"]) == pytest.approx(100 + 0.4 * 310 - (150 + 0.4 * 180))
     assert (rows["lid"]["when"], rows["lid"]["share_taught_tomorrow"]) == ("can wait", "0.4")
@@ -56,6 +38,76 @@ def test_lessons_now_and_lessons_that_can_wait(stage, tmp_path):
     code, told = stage("check_plan", *OWN, "scenarios=scenarios.csv", "plan=out", out="check")
     assert code == 0, told.err
     assert "1 tasks, order fixed; 2 scenarios of tomorrow; costs 346; no plan costs less than 346: optimal." in told.out
+    assert "plan.html shows these costs and this day." in told.out
+    assert "2 lessons recomputed, what they save solved for again, all are the same." in told.out
+    code, told = stage("check_plan", *OWN, "scenarios=scenarios.csv", "plan=out", "reasons_s=0", out="check")
+    assert (code, "savings of 1 were not compared, for want of time" in told.out) == (0, True)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "part"),
+    [
+        ("gear,robot,now", "gear,robot,can wait", "a row for 'gear' is missing"),
+        (",150,gear,", ",140,gear,", "row 2, column 'c_demo': is not what the plan says (150.0)"),
+        (",gear,3.6,", ",lid,3.6,", "row 2, column 'serves_today'"),
+        (",gear,3.6,", ",gear,3.7,", "row 2, column 'uses_tomorrow'"),
+        (",,0.4,", ",,0.5,", "row 3, column 'share_taught_tomorrow'"),
+        ("lid,robot,can wait,150,,,0.4,\n", "", "a row for 'lid' is missing"),
+        ("lid,robot", "gear,robot", "a row for 'lid' is missing"),
+        ("{saving}", "3", "row 2, column 'saving': is not what solving again gives"),
+    ],
+)
+def test_a_lesson_that_was_changed_is_found_with_its_row_and_field(stage, tmp_path, old, new, part):
+    """Nobody looked at tomorrow.csv; here plan.json, which has the same lessons, is changed alike."""
+    assert stage("plan", *OWN, "scenarios=scenarios.csv")[0] == 0
+    table, summary = tmp_path / "out/tomorrow.csv", tmp_path / "out/plan.json"
+    text, facts = table.read_text(encoding="utf-8"), json.loads(summary.read_text(encoding="utf-8"))
+    old = old.format(saving=text.splitlines()[1].rpartition(",")[2])
+    assert old in text
+    table.write_text(text.replace(old, new, 1), encoding="utf-8")
+    check = ("check_plan", *OWN, "scenarios=scenarios.csv", "plan=out")
+    code, told = stage(*check, out="check")
+    assert (code, "tomorrow.csv: is not what plan.json says" in told.err) == (2, True)
+    facts["lessons"] = lessons_of(table)
+    summary.write_text(json.dumps(facts), encoding="utf-8")
+    code, told = stage(*check, out="check")
+    assert (code, part in told.err) == (2, True), told.err
+
+
+def lessons_of(path):
+    """The lessons of plan.json that tomorrow.csv is written from."""
+    numbers = ("c_demo", "uses_tomorrow", "share_taught_tomorrow", "saving")
+    return [
+        {**row, **{name: float(row[name]) if row[name] else None for name in numbers}}
+        | {"serves_today": row["serves_today"].split("; ") if row["serves_today"] else []}
+        for row in rows_of(path)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "part"),
+    [
+        ("<b>346.0</b>", "<b>345.0</b>", "does not show the cost of this plan"),
+        ("proven optimal", "the best found", "does not show the cost of this plan"),
+        ("Today 150.0", "Today 140.0", "does not show the costs of the two days"),
+        ("100%", "99%", "does not show the day of this plan"),
+    ],
+)
+def test_a_page_that_shows_something_else_is_told(stage, tmp_path, old, new, part):
+    assert stage("plan", *OWN, "scenarios=scenarios.csv")[0] == 0
+    page = tmp_path / "out/plan.html"
+    text = page.read_text(encoding="utf-8")
+    assert old in text
+    page.write_text(text.replace(old, new), encoding="utf-8")
+    check = ("check_plan", *OWN, "scenarios=scenarios.csv", "plan=out")
+    code, told = stage(*check, out="check")
+    assert (code, f"plan.html: {part}" in told.err) == (2, True), told.err
+    page.unlink()
+    code, told = stage(*check, out="check")
+    assert (code, "plan.html" in told.out) == (0, False)
+    (tmp_path / "out/tomorrow.csv").unlink()
+    code, told = stage(*check, out="check")
+    assert (code, "tomorrow.csv: cannot be read as the lessons of a plan" in told.err) == (2, True)
 
 
 def test_a_forecast_is_sampled_and_its_error_said(stage, tmp_path):

@@ -148,6 +148,26 @@ def test_another_configuration_or_a_finished_run_is_not_continued(store, tmp_pat
             assert third.run_id != second.run_id
 
 
+@pytest.mark.parametrize("config_hash", ["abc", "other"])
+def test_work_that_goes_on_is_one_run_whatever_its_end_and_settings(store, client, tmp_path, config_hash):
+    """Each start of a day opened a run of its own, from step 0."""
+    with start(card(), tmp_path, tmp_path, uri=store) as first:
+        assert not first.has_past
+        first.metrics({"cost": 4.0}, step=0)
+    config = {"draws": 4 if config_hash == "abc" else 5}  # a param that no store lets change
+    more = card(goes_on=True, config_hash=config_hash, config=config)
+    with start(more, tmp_path, tmp_path, uri=store) as second:
+        assert (second.run_id, second.has_past) == (first.run_id, True)
+        second.metrics({"cost": 3.0}, step=1)
+    run = client.get_run(first.run_id)
+    assert (run.info.status, run.data.params["draws"]) == ("FINISHED", "4")
+    assert [(each.step, each.value) for each in client.get_metric_history(first.run_id, "cost")] == [(0, 4.0), (1, 3.0)]
+    with pytest.raises(InputError), start(more, tmp_path, tmp_path, uri=store):
+        raise InputError("a wrong row, before anything was recorded")
+    assert client.get_run(first.run_id).info.status == "FINISHED"
+    assert (tmp_path / RUN_FILE).exists()
+
+
 @pytest.mark.parametrize("content", ["", "{", "[]", '{"run_id": "none", "config_hash": "abc", "store": "x"}'])
 def test_a_damaged_run_file_starts_a_new_run(store, tmp_path, content):
     (tmp_path / RUN_FILE).write_text(content)

@@ -13,6 +13,7 @@ from p2l.evaluation.objective_section import one_objective
 from p2l.evaluation.page.page import Section
 from p2l.evaluation.page.sources import Sources
 from p2l.evaluation.team import section as chapter3
+from p2l.evaluation.team import uncertain_section as uncertain
 from p2l.evaluation.transfer import section as worlds
 
 SECTIONS: tuple[Callable[[Sources], Section], ...] = (
@@ -26,6 +27,7 @@ SECTIONS: tuple[Callable[[Sources], Section], ...] = (
     chapter3.figure_3_10,
     chapter3.order_any,
     chapter3.prediction_price,
+    *uncertain.SECTIONS,
     failures.nominal_skills,
     failures.modes,
     recoveries.preconditions,

@@ -42,6 +42,7 @@ class ReportConfig(ItemsConfig):
 
     data: Path
     thesis: Path
+    results: Path
 
 
 class ConfigStageConfig(ItemsConfig):

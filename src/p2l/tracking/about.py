@@ -30,6 +30,7 @@ class RunCard:
         config_hash: its hash; where metrics go should not be part of it.
         command: runs it again.
         parent: run id of the sweep that this run belongs to, or None.
+        goes_on: it goes on with the run of its folder, whatever the end of that and its configuration.
     """
 
     stage: str
@@ -40,6 +41,7 @@ class RunCard:
     config_hash: str
     command: str
     parent: str | None = None
+    goes_on: bool = False
 
     @property
     def name(self) -> str:

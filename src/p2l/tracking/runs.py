@@ -4,7 +4,8 @@
 and sent in batches, by a thread (`outbox`): one at a time costs 40 to 80 ms when several processes share a
 sqlite store, and a server that has gone costs minutes. The run's id
 is kept in the output folder: a process that was killed leaves its run RUNNING, and the next one with the same
-configuration in the same folder continues it. MLflow is imported to make a store and to reach a server (1.5 s), not to
+configuration in the same folder continues it; work that goes on for hours with other settings (`RunCard.goes_on`) is
+one run from its first start to its last. MLflow is imported to make a store and to reach a server (1.5 s), not to
 write to a sqlite store that is there (`sqlite`).
 """
 
@@ -19,6 +20,7 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 from p2l.artifacts import write_text
 from p2l.errors import P2LError, TrackingError
@@ -37,6 +39,11 @@ class Tracker:
     """Receives what a stage measures. This one forgets it (`tracking.enabled=false`)."""
 
     run_id: str | None = None
+
+    @property
+    def has_past(self) -> bool:
+        """Whether it goes on with a run that has all that was recorded before."""
+        return False
 
     def metrics(self, values: Mapping[str, float], step: int | None = None) -> None:
         """Record metrics; without a step they are the headline of the run, shown in its note."""
@@ -62,6 +69,7 @@ class MlflowTracker(Tracker):
     card: RunCard
     run_id: str
     outbox: Outbox
+    was: str | None = None
     _pending: list[tuple[str, float, int, int]] = field(default_factory=list)
     _headline: dict[str, float] = field(default_factory=dict)
     _paragraphs: list[str] = field(default_factory=list)
@@ -101,12 +109,21 @@ class MlflowTracker(Tracker):
         self._pending = []
 
     @property
+    def has_past(self) -> bool:
+        """Whether it goes on with a run that ended by itself; one that was killed may lack its last seconds."""
+        return self.was not in (None, "RUNNING")
+
+    @property
     def is_blank(self) -> bool:
         """Whether the run has recorded nothing yet."""
         return not self._has_records
 
     def discard(self) -> None:
-        """Delete the run."""
+        """Delete the run; one that was there before ends as it had."""
+        if self.was is not None:
+            self.outbox.put("end", status="KILLED" if self.was == "RUNNING" else self.was, end_time=_now())
+            self.outbox.close()
+            return
         self.outbox.close()
         try:
             self.client.delete_run(self.run_id)
@@ -148,20 +165,21 @@ def start(card: RunCard, out: Path, root: Path, *, enabled: bool = True, uri: st
     tracker: MlflowTracker | None = None
     try:
         resumed = _resume(client, card, out, store)
-        run_id = resumed or _create(client, card, store)
+        run_id = _create(client, card, store) if resumed is None else resumed.run_id
     except Exception as error:
         raise _refused(store, error) from error
     try:
         try:
-            _describe(client, card, run_id, root)
+            _describe(client, card, run_id, root, is_begun=resumed is not None and card.goes_on)
         except Exception as error:
             raise _refused(store, error) from error
         record = {"run_id": run_id, "store": safe_uri(store), "config_hash": card.config_hash}
         write_text(out / RUN_FILE, json.dumps(record) + "\n")
         outbox = Outbox(client, run_id, safe_uri(store), root / FOLDER, out / FOLDER)
         tracker = MlflowTracker(
-            client=client, card=card, run_id=run_id, outbox=outbox, _has_records=resumed is not None
-        )
+            client=client, card=card, run_id=run_id, outbox=outbox, was=None if resumed is None else resumed.was,
+            _has_records=resumed is not None and not card.goes_on,
+        )  # fmt: skip
         yield tracker
     except BaseException as error:
         if tracker is not None:
@@ -181,7 +199,8 @@ def _end(tracker: MlflowTracker, error: BaseException, out: Path) -> None:
     """Close the run that an error has ended."""
     if isinstance(error, P2LError) and tracker.is_blank:
         tracker.discard()  # a wrong input, refused before anything was computed, is no failed experiment
-        (out / RUN_FILE).unlink(missing_ok=True)
+        if tracker.was is None:
+            (out / RUN_FILE).unlink(missing_ok=True)
         return
     tracker.note(f"Ended by `{type(error).__name__}`: {str(error)[:500]}")
     tracker.finish("KILLED" if not isinstance(error, P2LError) and _was_stopped(error) else "FAILED")
@@ -223,20 +242,28 @@ def open_sweep(
     return run_id, close
 
 
-def _resume(client: RunStore, card: RunCard, out: Path, store: str) -> str | None:
-    """Id of the run that was killed or interrupted in `out` under the same configuration, if the store still has it."""
+class _Resumed(NamedTuple):
+    """A run that is gone on with: its id, and its status before."""
+
+    run_id: str
+    was: str
+
+
+def _resume(client: RunStore, card: RunCard, out: Path, store: str) -> _Resumed | None:
+    """The run that was killed or interrupted in `out` under the same configuration, if the store still has it."""
     try:
         record = json.loads((out / RUN_FILE).read_text(encoding="utf-8"))
-        if record["config_hash"] != card.config_hash or record["store"] != safe_uri(store):
+        is_same = record["config_hash"] == card.config_hash
+        if not (is_same or card.goes_on) or record["store"] != safe_uri(store):
             return None
         run_id = str(record["run_id"])
         status = client.status(run_id)
     except Exception:  # missing, half-written or of another store: a new run is right
         return None
-    if status not in ("RUNNING", "KILLED"):
+    if status is None or not (card.goes_on or status in ("RUNNING", "KILLED")):
         return None
     client.set_status(run_id, "RUNNING")
-    return run_id
+    return _Resumed(run_id, status)
 
 
 def _create(client: RunStore, card: RunCard, store: str) -> str:
@@ -246,11 +273,12 @@ def _create(client: RunStore, card: RunCard, store: str) -> str:
     return run_id
 
 
-def _describe(client: RunStore, card: RunCard, run_id: str, root: Path) -> None:
+def _describe(client: RunStore, card: RunCard, run_id: str, root: Path, *, is_begun: bool) -> None:
+    """Tags and params; those of work that goes on are of its first start, as no store lets them change."""
     about = {"stage": card.stage, "world": card.world, "method": card.method, "seed": str(card.seed)}
     about |= {"config_hash": card.config_hash, "command": card.command, "mlflow.note.content": note_of(card, {}, [])}
     client.set_tags(run_id, {key: value[:VALUE_LIMIT] for key, value in (about | provenance(root)).items()})
-    params = list(flatten(card.config).items())
+    params = [] if is_begun else list(flatten(card.config).items())
     for first in range(0, len(params), _PARAMS_PER_BATCH):
         client.log_params(run_id, dict(params[first : first + _PARAMS_PER_BATCH]))
 

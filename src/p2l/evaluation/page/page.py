@@ -54,7 +54,21 @@ class Films:
     films: Sequence[tuple[str, bytes, str]]
 
 
-Part = str | Reading | PageTable | Picture | Films
+@dataclass(frozen=True)
+class Link:
+    """Where more is to be read: a file of the repository, from its root, and one of its headings."""
+
+    file: str
+    heading: str
+
+    @property
+    def href(self) -> str:
+        """Address from `data/report/index.html`; the anchor is what renderers of Markdown make of a heading."""
+        kept = "".join(letter for letter in self.heading.lower() if letter.isalnum() or letter in " -_")
+        return f"../../{self.file}#{kept.replace(' ', '-')}"
+
+
+Part = str | Reading | PageTable | Picture | Films | Link
 
 
 @dataclass(frozen=True)
@@ -63,7 +77,7 @@ class Section:
 
     Attributes:
         title: heading.
-        parts: paragraphs (text), readings, sheets, pictures and films, in order.
+        parts: paragraphs (text), readings, sheets, pictures, films and links, in order.
         commands: what makes these numbers.
         metrics: headline numbers.
     """
@@ -112,7 +126,7 @@ pre { background: var(--box); padding: .6rem .8rem; border-radius: 6px; overflow
 
 
 def render(title: str, lead: Sequence[str], sections: Sequence[Section]) -> str:
-    """The page; images are inside it and nothing is fetched."""
+    """The page; images are inside it and nothing is fetched; links lead to files of the repository."""
     links = "".join(f'<li><a href="#s{number}">{escape(one.title)}</a></li>' for number, one in enumerate(sections))
     body = "".join(_section(number, section) for number, section in enumerate(sections))
     intro = "".join(f"<p>{escape(line)}</p>" for line in lead)
@@ -146,6 +160,8 @@ def _part(part: Part) -> str:
         return f"<figure>{image}<figcaption>{escape(part.caption)}</figcaption></figure>"
     if isinstance(part, Films):
         return f'<div class="films">{"".join(_film(*film) for film in part.films)}</div>'
+    if isinstance(part, Link):
+        return f'<p>More: <a href="{escape(part.href)}">{escape(part.file)}, “{escape(part.heading)}”</a></p>'
     return f"<p>{escape(part)}</p>"
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -60,6 +61,7 @@ class Sources:
         worlds: the same for manipulation worlds.
         recovery_worlds: those of them that learn recoveries to preconditions.
         chain_worlds: those of them that learn where and how to recover.
+        results: folder of tables that scripts have made from the records of the thesis preset, if there is one.
     """
 
     data: Path
@@ -68,6 +70,24 @@ class Sources:
     worlds: tuple[str, ...] = ()
     recovery_worlds: tuple[str, ...] = ()
     chain_worlds: tuple[str, ...] = ()
+    results: Path | None = None
+
+    def committed(self, name: str, columns: Sequence[str]) -> pd.DataFrame | None:
+        """A table of `results`, or None where there is none.
+
+        Raises:
+            ArtifactError: unreadable, or without one of the columns.
+        """
+        path = None if self.results is None else self.results / f"{name}.csv"
+        if path is None or not path.is_file():
+            return None
+        try:
+            table = pd.read_csv(path)
+        except (OSError, ValueError) as error:
+            raise ArtifactError(f"{path}: cannot be read ({error})") from error
+        if lacking := [column for column in columns if column not in table]:
+            raise ArtifactError(f"{path}: lacks columns {', '.join(lacking)}")
+        return table
 
     def chapter(self, number: int) -> Thesis:
         """Numbers and claims of a chapter."""

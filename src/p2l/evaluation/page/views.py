@@ -22,7 +22,7 @@ def estimate(mean: float, low: float = math.nan, high: float = math.nan, digits:
         return "–"
     if math.isnan(low) or math.isnan(high):
         return f"{mean:g}"
-    return f"{mean:.{digits}f} [{low:.{digits}f}, {high:.{digits}f}]"
+    return f"{mean:z.{digits}f} [{low:z.{digits}f}, {high:z.{digits}f}]"  # z: no minus before zero
 
 
 def averages(table: pd.DataFrame, method: str, metrics: Sequence[str]) -> list[list[str]]:

@@ -16,10 +16,22 @@ from typing import Any
 import numpy as np
 
 from p2l.artifacts import write_text
-from p2l.errors import ArtifactError, InputError
 from p2l.evaluation.team.look import ORDER, UNIT, amount, limits
 from p2l.evaluation.team.page_inputs import inputs
-from p2l.evaluation.team.page_parts import NONE, STYLE, Column, cell, facts, header, listing, name, names, table, word
+from p2l.evaluation.team.page_parts import (
+    NONE,
+    STYLE,
+    Column,
+    cell,
+    facts,
+    header,
+    listing,
+    name,
+    names,
+    shows,
+    table,
+    word,
+)
 from p2l.team.plan_files import proof_text
 from p2l.team.problem import Decision
 from p2l.team.shop.outcome import shop_outcome
@@ -117,18 +129,7 @@ def check_page(path: Path | str, shop: Shop, plan: ShopPlan) -> bool:
         ArtifactError: the page cannot be read.
         InputError: it shows another cost or day.
     """
-    page = Path(path)
-    if not page.exists():
-        return False
-    try:
-        text = page.read_bytes().decode()
-    except (OSError, UnicodeDecodeError) as error:
-        raise ArtifactError(f"{page}: cannot be read as the page of a plan ({error}); plan again") from error
-    rows = plan_rows(shop, plan)
-    for what, part in (("cost", _total(plan)), ("day", _day(shop, rows))):
-        if part not in text:
-            raise InputError.at(page, None, None, f"does not show the {what} of this plan; plan again")
-    return True
+    return shows(path, {"cost": _total(plan), "day": _day(shop, plan_rows(shop, plan))})
 
 
 def cost_without_lessons(shop: Shop, plan: ShopPlan) -> float:

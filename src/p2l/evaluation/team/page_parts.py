@@ -6,10 +6,12 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from html import escape
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from p2l.errors import ArtifactError, InputError
 from p2l.evaluation.team.look import COLOURS, amount
 from p2l.text import drawable
 
@@ -71,6 +73,26 @@ class Column:
     head: str
     key: str
     is_number: bool = False
+
+
+def shows(path: Path | str, parts: Mapping[str, str]) -> bool:
+    """Whether there is a page at all; where there is, it has to show some parts, each under a name for messages.
+
+    Raises:
+        ArtifactError: the page cannot be read.
+        InputError: it does not show one of them.
+    """
+    page = Path(path)
+    if not page.exists():
+        return False
+    try:
+        text = page.read_bytes().decode()
+    except (OSError, UnicodeDecodeError) as error:
+        raise ArtifactError(f"{page}: cannot be read as the page of a plan ({error}); plan again") from error
+    for what, part in parts.items():
+        if part not in text:
+            raise InputError.at(page, None, None, f"does not show the {what} of this plan; plan again")
+    return True
 
 
 def word(text: str) -> str:

@@ -9,9 +9,10 @@ from pathlib import Path
 from p2l.artifacts import write_text
 from p2l.evaluation.team.look import ORDER, UNIT, amount
 from p2l.evaluation.team.page_inputs import inputs
-from p2l.evaluation.team.page_parts import STYLE, Column, facts, listing, word
+from p2l.evaluation.team.page_parts import STYLE, Column, facts, listing, shows, word
 from p2l.team.plan_files import proof_text
 from p2l.team.shop.files import named_rows
+from p2l.team.shop.record import Shop, ShopPlan
 from p2l.team.tomorrow.reasons import LessonTimes, explain_estimate
 from p2l.team.tomorrow.record import TwoStage, TwoStagePlan
 from p2l.team.tomorrow.sampling import Estimate
@@ -69,16 +70,11 @@ def tomorrow_page(
         title: heading.
     """
     shop, heading = program.today, word(title) or "Plan"
-    columns = [each for each in _DAY if each.key != "robot" or len(shop.robots) > 1]
-    day = [
-        {**row, "order": f"{row['order']}", "count": f"{row['count']}", "p_success": f"{row['p_success']:.0%}"}
-        for row in named_rows(shop, plan.today)
-    ]
     sections = [
         _headline(program, plan, estimate),
         _section("Lessons of today", facts(_NOW, _today(program, reasons), _costs())) if reasons.today else "",
         _section("Lessons that can wait", _waiting(program, reasons)),
-        _section("Today, in order", facts(columns, day, f"Tasks {ORDER[shop.order]}. {_costs()}")),
+        _section("Today, in order", _day(shop, plan.today)),
         _section("What was assumed", listing(word(remark) for remark in remarks)) if remarks else "",
         _section("Limits and inputs", inputs(shop)),
     ]
@@ -91,14 +87,40 @@ def tomorrow_page(
     )
 
 
-def _headline(program: TwoStage, plan: TwoStagePlan, estimate: Estimate | None) -> str:
+def check_tomorrow_page(path: Path | str, program: TwoStage, plan: TwoStagePlan) -> bool:
+    """Whether there is a page at all; where there is, it has to show the plan's costs, proof and table of today.
+
+    Its lessons, what sampling leaves open, notes and inputs are not looked at.
+
+    Raises:
+        ArtifactError: the page cannot be read.
+        InputError: it shows another cost or day.
+    """
+    total, parts = _costs_of(program, plan)
+    return shows(path, {"cost": total, "costs of the two days": parts, "day": _day(program.today, plan.today)})
+
+
+def _costs_of(program: TwoStage, plan: TwoStagePlan) -> tuple[str, str]:
     proof = proof_text(plan.status, plan.objective, plan.lower_bound)
     tomorrow = plan.objective - plan.today.objective
     many = f"{program.scenarios:,} scenario{'' if program.scenarios == 1 else 's'}"
-    lines = [
+    return (
         f'<p class="total"><b>{amount(plan.objective)}</b> expected cost, {proof} for {many}</p>',
         f"<p>Today {amount(plan.today.objective)}, tomorrow {amount(tomorrow)}. All costs are in the {UNIT}.</p>",
+    )
+
+
+def _day(shop: Shop, plan: ShopPlan) -> str:
+    columns = [each for each in _DAY if each.key != "robot" or len(shop.robots) > 1]
+    rows = [
+        {**row, "order": f"{row['order']}", "count": f"{row['count']}", "p_success": f"{row['p_success']:.0%}"}
+        for row in named_rows(shop, plan)
     ]
+    return facts(columns, rows, f"Tasks {ORDER[shop.order]}. {_costs()}")
+
+
+def _headline(program: TwoStage, plan: TwoStagePlan, estimate: Estimate | None) -> str:
+    lines = [*_costs_of(program, plan)]
     if estimate is not None:
         lines.append(f"<p>{word(explain_estimate(estimate))}</p>")
     return '<section class="headline">\n' + "\n".join(lines) + "\n</section>"

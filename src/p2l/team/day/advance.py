@@ -12,6 +12,7 @@ Nothing else is remembered: a day is a function of the morning's plan and the ev
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -110,7 +111,24 @@ def replan(day: Day) -> Day:
 
 def standing_after(day: Day, event: Event) -> Standing:
     """What the day comes to with one more event."""
-    shop, standing = day.shop, day.standing
+    return standing_of(day, (event,))
+
+
+def standing_of(day: Day, events: Iterable[Event]) -> Standing:
+    """What the day comes to with more events; each skill that was used is believed anew once, after all of them."""
+    standing = day.standing
+    used: dict[tuple[int, int], None] = {}
+    for event in events:
+        standing = _counted(day.shop, standing, event)
+        if event.decision == Decision.ACT:
+            used[event.lesson, event.robot] = None
+    for lesson, robot in used:
+        standing = _believed(day, standing, lesson, robot)
+    return standing
+
+
+def _counted(shop: Shop, standing: Standing, event: Event) -> Standing:
+    """With one more event, and what is believed of skills as before."""
     done = standing.done.copy()
     if event.copy:
         done[event.task] += 1
@@ -121,7 +139,7 @@ def standing_after(day: Day, event: Event) -> Standing:
         failed = event.outcome == EventOutcome.FAILURE
         cost = float(shop.c_rob[at]) + (float(shop.c_fail[at]) if failed else 0.0)
         standing = replace(standing, done=done, shown=-1, spent=standing.spent + cost)
-        return _with_attempt(day, standing, event, failed)
+        return _with_attempt(standing, event, failed)
     price = float(shop.c_demo[event.robot, event.lesson])
     learnt = standing.learnt
     if event.outcome == EventOutcome.DONE:
@@ -135,23 +153,32 @@ def standing_after(day: Day, event: Event) -> Standing:
     )  # fmt: skip
 
 
-def _with_attempt(day: Day, standing: Standing, event: Event, failed: bool) -> Standing:
-    """What is believed of the skill that was used."""
-    shop = day.shop
-    at = (event.robot, event.task)
+def _with_attempt(standing: Standing, event: Event, failed: bool) -> Standing:
+    """With one more success or failure of the skill that was used."""
     if event.lesson < 0:
         successes, failures = standing.successes.copy(), standing.failures.copy()
-        (failures if failed else successes)[at] += 1.0
-        rows = (shop.pretrained[event.robot], np.zeros(shop.n), successes[event.robot], failures[event.robot])
-        pretrained = standing.pretrained.copy()
-        pretrained[event.robot] = expected_skill(*rows, day.setting, shared=False)
-        return replace(standing, pretrained=pretrained, successes=successes, failures=failures)
+        (failures if failed else successes)[event.robot, event.task] += 1.0
+        return replace(standing, successes=successes, failures=failures)
     learnt = list(standing.learnt)
-    [place] = [k for k, each in enumerate(learnt) if (each.lesson, each.robot) == (event.lesson, event.robot)]
+    place = standing.place(event.lesson, event.robot)
     skill = learnt[place]
     won, lost = skill.successes.copy(), skill.failures.copy()
     (lost if failed else won)[event.task] += 1.0
-    of = (event.robot, event.lesson)
-    expected = expected_skill(shop.transfer[of], day.trials[of], won, lost, day.setting)
-    learnt[place] = replace(skill, successes=won, failures=lost, expected=expected)
+    learnt[place] = replace(skill, successes=won, failures=lost)
+    return replace(standing, learnt=tuple(learnt))
+
+
+def _believed(day: Day, standing: Standing, lesson: int, robot: int) -> Standing:
+    """With what is believed of one skill after its successes and failures."""
+    shop = day.shop
+    if lesson < 0:
+        rows = (shop.pretrained[robot], np.zeros(shop.n), standing.successes[robot], standing.failures[robot])
+        pretrained = standing.pretrained.copy()
+        pretrained[robot] = expected_skill(*rows, day.setting, shared=False)
+        return replace(standing, pretrained=pretrained)
+    learnt = list(standing.learnt)
+    place = standing.place(lesson, robot)
+    skill, of = learnt[place], (robot, lesson)
+    expected = expected_skill(shop.transfer[of], day.trials[of], skill.successes, skill.failures, day.setting)
+    learnt[place] = replace(skill, expected=expected)
     return replace(standing, learnt=tuple(learnt))

@@ -16,6 +16,7 @@ from p2l.team.day.advance import advance
 from p2l.team.day.record import Day, Event, EventError, EventOutcome, Step
 from p2l.team.day.steps import next_step, planned_step
 from p2l.team.problem import Decision
+from p2l.team.shop.record import Shop
 from p2l.text import guarded_cell
 
 COLUMNS = ("step", "task", "copy", "decision", "robot", "lesson", "outcome", "note", "plan")
@@ -58,19 +59,18 @@ def event_of(day: Day, entry: DayEntry) -> Event:
             raise EventError("copy", f"'{entry['copy']}' is no number of a copy")
         copy = int(entry["copy"])
     if not entry["decision"]:
-        return Event(task, copy, step.decision, step.robot, step.lesson, outcome, _note(entry))
+        return Event(task, copy, step.decision, step.robot, step.lesson, outcome, note_of(entry))
     decision = _DECISIONS.get(entry["decision"].casefold())
     if decision is None:
         raise EventError("decision", f"'{entry['decision']}' is no decision; give {', '.join(_DECISIONS)}")
     robot, lesson = _robot(day, entry, decision, step), _lesson(day, entry, decision, step)
-    return Event(task, copy, decision, robot, lesson, outcome, _note(entry))
+    return Event(task, copy, decision, robot, lesson, outcome, note_of(entry))
 
 
-def cells_of(day: Day, number: int, key: str) -> dict[str, str]:
-    """The row of an event of a day, number 0 the first, and the key of its plan."""
-    shop, event = day.shop, day.events[number]
+def cells_of(shop: Shop, event: Event, step: int, key: str) -> dict[str, str]:
+    """The row of an event of a morning's shop, step 1 the first, and the key of its plan."""
     return {
-        "step": str(number + 1),
+        "step": str(step),
         "task": guarded_cell(shop.tasks[event.task] if event.task >= 0 else shop.lessons[event.lesson]),
         "copy": str(event.copy),
         "decision": event.decision.name.lower(),
@@ -112,7 +112,7 @@ def replay(
     return Replay(day)
 
 
-def _note(entry: DayEntry) -> str:
+def note_of(entry: DayEntry) -> str:
     """In one line, so that half a row is told; without the apostrophe that our own tables put before a formula."""
     note = " ".join(entry["note"].split())
     return note[1:] if note.startswith("'") and guarded_cell(note[1:]) == note else note

@@ -113,7 +113,7 @@ def append_event(path: Path, day: Day, key: str, size: int) -> int:
     Raises:
         InputError: it has grown since, or cannot be written.
     """
-    row = _text([cells_of(day, len(day.events) - 1, key)], header=size == 0)
+    row = _text([cells_of(day.shop, day.events[-1], len(day.events), key)], header=size == 0)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         handle = os.open(path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o666)
@@ -147,7 +147,7 @@ def restore(path: Path, day: Day, key: str, file: DayFile, wrong: DayEntry | Non
     Raises:
         ArtifactError: it cannot be written.
     """
-    good = _text([cells_of(day, number, key) for number in range(len(day.events))], header=True)
+    good = _text([cells_of(day.shop, event, step, key) for step, event in enumerate(day.events, start=1)], header=True)
     good = good if day.events else ""
     if file.text == good:
         return len(good.encode())

@@ -85,6 +85,11 @@ class Standing:
         """Whether a robot was taught a lesson."""
         return any((each.lesson, each.robot) == (lesson, robot) for each in self.learnt)
 
+    def place(self, lesson: int, robot: int) -> int:
+        """Place in `learnt` of a lesson that a robot was taught."""
+        [place] = [k for k, each in enumerate(self.learnt) if (each.lesson, each.robot) == (lesson, robot)]
+        return place
+
 
 @dataclass(frozen=True)
 class Rest:

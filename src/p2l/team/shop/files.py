@@ -114,7 +114,6 @@ def write_shop_plan(
     remarks: tuple[str, ...] = (),
 ) -> None:
     """Write `plan.csv`, `plan.json`, `certificate.npz` and `reasons.csv`; the caller has checked the place."""
-    out = Path(folder)
     summary = {
         "planner": plan.planner,
         "status": plan.status,
@@ -128,13 +127,17 @@ def write_shop_plan(
         **_summed_up(shop, plan),
         "groups": {name: getattr(plan, name).tolist() for name in _GROUPS},
     }
+    texts = {REASONS: reasons_text(shop, reasons), TABLE: table_text(shop, plan, extra)}
+    write_files(Path(folder), summary, plan.certificate, texts)
+
+
+def write_files(out: Path, summary: Mapping[str, Any], proof: ShopCertificate | None, texts: Mapping[str, str]) -> None:
+    """Write `certificate.npz`, tables by their names, and `plan.json`; nothing is written before all of it is text."""
     facts = json.dumps(summary, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
-    table, why = table_text(shop, plan, extra), reasons_text(shop, reasons)
-    if plan.certificate is not None:
-        save_arrays(out / PROOF, proof_arrays(plan.certificate), schema="shop_certificate", version=1)
-    write_text(out / REASONS, why)
-    write_text(out / TABLE, table)
-    write_text(out / SUMMARY, facts)
+    if proof is not None:
+        save_arrays(out / PROOF, proof_arrays(proof), schema="shop_certificate", version=1)
+    for name, text in (*texts.items(), (SUMMARY, facts)):
+        write_text(out / name, text)
 
 
 def reasons_text(shop: Shop, reasons: Reasons) -> str:
@@ -180,15 +183,25 @@ def read_shop_plan(folder: Path | str, shop: Shop, extra: Mapping[str, tuple[str
                 raise ValueError(f"its '{name}' is not what these tasks and its decisions give")
     except (KeyError, ValueError, TypeError, AttributeError, IndexError, ShapeError, OverflowError) as error:
         raise InputError.at(out / SUMMARY, None, None, f"is no plan of these tasks ({error}); plan again") from error
+    check_table(out, table_text(shop, plan, extra))
+    return plan
+
+
+def check_table(out: Path, expected: str) -> None:
+    """Refuse a `plan.csv` that is not the table of `plan.json`.
+
+    Raises:
+        ArtifactError: it cannot be read.
+        InputError: it is another; the message has the first row that differs.
+    """
     try:
         text = (out / TABLE).read_bytes().decode()  # line breaks in a person's cells stay as they are
     except (OSError, UnicodeDecodeError) as error:
         raise ArtifactError(f"{out / TABLE}: cannot be read as a plan ({error}); plan again") from error
-    if text != table_text(shop, plan, extra):
-        lines = zip(text.splitlines(), table_text(shop, plan, extra).splitlines(), strict=False)
+    if text != expected:
+        lines = zip(text.splitlines(), expected.splitlines(), strict=False)
         line = next((at for at, (one, other) in enumerate(lines, start=1) if one != other), None)
         raise InputError.at(out / TABLE, line, None, f"is not what {SUMMARY} says; plan again")
-    return plan
 
 
 def read_summary(folder: Path) -> dict[str, Any]:

@@ -4,22 +4,31 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
 
-from p2l.artifacts import finite, save_arrays, write_text
+from p2l.artifacts import finite
 from p2l.errors import ArtifactError, InputError, ShapeError
 from p2l.team.problem import Status
-from p2l.team.shop.files import PROOF, SUMMARY, TABLE, named_rows, proof_arrays, read_proof, read_summary, table_text
+from p2l.team.shop.files import (
+    PROOF,
+    SUMMARY,
+    TABLE,
+    check_table,
+    named_rows,
+    read_proof,
+    read_summary,
+    table_text,
+    write_files,
+)
 from p2l.team.shop.record import ShopPlan
 from p2l.team.tomorrow.reading import TwoStageReading
-from p2l.team.tomorrow.reasons import LessonTimes
+from p2l.team.tomorrow.reasons import LessonLater, LessonTimes, LessonToday
 from p2l.team.tomorrow.record import COMMITS, Commit, TwoStage, TwoStagePlan
 from p2l.team.tomorrow.sampling import Estimate
 from p2l.text import guarded_cell
@@ -49,7 +58,10 @@ def write_two_stage_plan(
     estimate: Estimate | None = None,
 ) -> None:
     """Write `plan.csv` (today), `tomorrow.csv` (lessons now and later), `plan.json` and `certificate.npz`."""
-    out, program = Path(folder), reading.program
+    program = reading.program
+    lessons = lesson_rows(program, reasons)
+    for row in lessons:
+        row["saving"] = None if row["saving"] is None else finite(row["saving"])
     summary = {
         "planner": PLANNER,
         "status": plan.status,
@@ -61,28 +73,23 @@ def write_two_stage_plan(
         "setting": {"commit": setting.commit, "samples": setting.samples, "seed": setting.seed},
         "estimate": None if estimate is None else _estimate(estimate),
         **_summed_up(program, plan),
-        "lessons": [_named(program, row) for row in _lesson_rows(reasons)],
+        "lessons": lessons,
         "groups": {name: getattr(plan.today, name).tolist() for name in _GROUPS},
         "later": plan.later.tolist(),
         "scenarios": _scenarios(reading, plan),
     }
-    facts = json.dumps(summary, indent=1, allow_nan=False, ensure_ascii=False) + "\n"
-    table, lessons = table_text(program.today, plan.today, reading.day.extra), lessons_text(program, reasons)
-    if plan.certificate is not None:
-        save_arrays(out / PROOF, proof_arrays(plan.certificate), schema="shop_certificate", version=1)
-    write_text(out / LESSONS, lessons)
-    write_text(out / TABLE, table)
-    write_text(out / SUMMARY, facts)
+    texts = {LESSONS: lessons_text(lessons), TABLE: table_text(program.today, plan.today, reading.day.extra)}
+    write_files(Path(folder), summary, plan.certificate, texts)
 
 
-def lessons_text(program: TwoStage, reasons: LessonTimes) -> str:
-    """`tomorrow.csv`: a row per lesson that is given today, or in some scenario tomorrow."""
+def lessons_text(lessons: Sequence[Mapping[str, Any]]) -> str:
+    """`tomorrow.csv`: a row per lesson that is given today, or in some scenario tomorrow (see `lesson_rows`)."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     names = ["lesson", "robot", "when", "c_demo", "serves_today", "uses_tomorrow", "share_taught_tomorrow", "saving"]
     writer.writerow(names)
-    for row in (_named(program, each) for each in _lesson_rows(reasons)):
-        row["serves_today"] = "; ".join(row["serves_today"])
+    for lesson in lessons:
+        row = {**lesson, "serves_today": "; ".join(lesson["serves_today"])}
         cells = ["" if row[name] is None else row[name] for name in names]
         writer.writerow([guarded_cell(each) if isinstance(each, str) else f"{each:.12g}" for each in cells])
     return text.getvalue()
@@ -119,12 +126,7 @@ def read_two_stage_plan(folder: Path | str, reading: TwoStageReading) -> TwoStag
             raise ValueError("its scenarios are others")
     except (KeyError, ValueError, TypeError, AttributeError, IndexError, ShapeError, OverflowError) as error:
         raise InputError.at(out / SUMMARY, None, None, f"is no plan of these tables ({error}); plan again") from error
-    try:
-        text = (out / TABLE).read_bytes().decode()
-    except (OSError, UnicodeDecodeError) as error:
-        raise ArtifactError(f"{out / TABLE}: cannot be read as a plan ({error}); plan again") from error
-    if text != table_text(program.today, today, reading.day.extra):
-        raise InputError.at(out / TABLE, None, None, f"is not what {SUMMARY} says; plan again")
+    check_table(out, table_text(program.today, today, reading.day.extra))
     return plan
 
 
@@ -196,19 +198,18 @@ def _estimate(estimate: Estimate) -> dict[str, Any]:
     }
 
 
-def _lesson_rows(reasons: LessonTimes) -> list[dict[str, Any]]:
-    """Keys as the columns of `tomorrow.csv`; lesson and robot as indices, what does not apply as None."""
+def lesson_rows(program: TwoStage, reasons: LessonTimes) -> list[dict[str, Any]]:
+    """Keys as the columns of `tomorrow.csv`; what does not apply is None, a saving as in `LessonToday`."""
     now: list[dict[str, Any]] = [
         {
-            "lesson": each.lesson, "robot": each.robot, "when": "now", "c_demo": each.c_demo,
-            "serves_today": list(each.serves), "uses_tomorrow": each.uses, "share_taught_tomorrow": None,
-            "saving": finite(each.saving),
+            **_named(program, each), "when": "now", "c_demo": each.c_demo, "serves_today": list(each.serves),
+            "uses_tomorrow": each.uses, "share_taught_tomorrow": None, "saving": each.saving,
         }
         for each in reasons.today
     ]  # fmt: skip
     later: list[dict[str, Any]] = [
         {
-            "lesson": each.lesson, "robot": each.robot, "when": "can wait", "c_demo": each.c_demo, "serves_today": [],
+            **_named(program, each), "when": "can wait", "c_demo": each.c_demo, "serves_today": [],
             "uses_tomorrow": None, "share_taught_tomorrow": each.share, "saving": None,
         }
         for each in reasons.later
@@ -216,9 +217,9 @@ def _lesson_rows(reasons: LessonTimes) -> list[dict[str, Any]]:
     return now + later
 
 
-def _named(program: TwoStage, row: Mapping[str, Any]) -> dict[str, Any]:
+def _named(program: TwoStage, each: LessonToday | LessonLater) -> dict[str, Any]:
     shop = program.today
-    return {**row, "lesson": shop.lessons[row["lesson"]], "robot": shop.robots[row["robot"]]}
+    return {"lesson": shop.lessons[each.lesson], "robot": shop.robots[each.robot]}
 
 
 def _float(value: object) -> float:
