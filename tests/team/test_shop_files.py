@@ -394,3 +394,24 @@ def test_the_cost_without_lessons_is_checked_and_what_nobody_had_time_for_is_cou
     assert json.loads(path.read_text())["unknown_reasons"] > 0
     with_reasons(tmp_path, shop)
     assert check_reasons(tmp_path, shop, made, time_limit_s=1e-9).unknown > 0
+
+
+def test_with_a_limit_of_teaching_no_cost_is_told_up_to_which_a_lesson_is_given(tmp_path):
+    """The gear's lesson saves 35 beside the cog's, but from 121 on it takes more than the limit has left."""
+    shop = day(max_teaching=120.0)
+    made = with_reasons(tmp_path, shop)
+    told = explain_shop(shop, made, reasons_of(shop, made))
+    assert "gear" in told
+    assert "saving" in told
+    assert "given up to" not in told
+    [row] = rows_of(tmp_path / "reasons.csv")
+    assert (row["lesson"], row["given_below"]) == ("gear", "")
+    assert plan_shop(replace(shop, c_demo=np.array([[121.0, 130.0, 200.0]]))).taught.tolist() == []
+    path = tmp_path / "reasons.csv"
+    whole = path.read_text(encoding="utf-8")
+    path.write_text(whole.rstrip("\n") + "500\n", encoding="utf-8")
+    with pytest.raises(InputError, match=r"reasons.csv, row 2, column 'given_below': '500' is there"):
+        check_reasons(tmp_path, shop, made, time_limit_s=10.0)
+    path.write_text(whole + "cog,Panda,no,130,,,,100\n", encoding="utf-8")
+    with pytest.raises(InputError, match="'cog' is no such lesson"):
+        check_reasons(tmp_path, shop, made, time_limit_s=0.0)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from p2l.team.problem import Decision
-from p2l.team.shop.reasons import BreakEven, LessonReason, Reasons
+from p2l.team.shop.reasons import BreakEven, LessonReason, Reasons, tells_costs
 from p2l.team.shop.record import Shop, ShopPlan
 from p2l.text import printable
 
@@ -28,7 +28,8 @@ def explain_shop(shop: Shop, plan: ShopPlan, reasons: Reasons) -> str:
     lines = [f"Expected cost {plan.objective:,.1f} ({proof_of(plan)}); {without}. {counts}."]
     if reasons.lessons:
         robot = ("robot",) if len(shop.robots) > 1 else ()
-        header = ("lesson", *robot, "costs", "pays for", "saving", "others kept fixed", "given up to")
+        up_to = ("given up to",) if tells_costs(shop) else ()
+        header = ("lesson", *robot, "costs", "pays for", "saving", "others kept fixed", *up_to)
         lines.append(aligned([header, *(_row(shop, each) for each in reasons.lessons)], names=(0, 2 + len(robot))))
     if reasons.not_given:
         near = ", ".join(_near(shop, each) for each in reasons.not_given[:_NEAR])
@@ -54,7 +55,7 @@ def reason_rows(shop: Shop, reasons: Reasons) -> list[dict[str, Any]]:
             "serves": served(shop, each, most=len(each.serves)),
             "saving_resolved": each.saving,
             "saving_others_fixed": each.saving_others_fixed,
-            "stays_up_to": each.stays_up_to,
+            "stays_up_to": None if math.isnan(each.stays_up_to) else each.stays_up_to,
         }
         for each in reasons.lessons
     ]
@@ -103,7 +104,8 @@ def tasks_of(shop: Shop, reason: LessonReason) -> list[str]:
 def _row(shop: Shop, reason: LessonReason) -> tuple[str, ...]:
     robot = (printable(shop.robots[reason.robot], lines=False),) if len(shop.robots) > 1 else ()
     name = printable(shop.lessons[reason.lesson], lines=False)
-    numbers = (reason.saving, reason.saving_others_fixed, reason.stays_up_to)
+    up_to = (reason.stays_up_to,) if tells_costs(shop) else ()
+    numbers = (reason.saving, reason.saving_others_fixed, *up_to)
     return (name, *robot, f"{reason.c_demo:,.1f}", served(shop, reason), *map(_amount, numbers))
 
 

@@ -34,6 +34,7 @@ class LessonReason:
         saving: optimum without it minus the plan's cost; infinite where nothing can be done without it, NaN where there
             was no time to find out.
         saving_others_fixed: the same with all other lessons, and the order of work, as they are.
+        stays_up_to: cost up to which an optimal plan has it; NaN where that is not known, and with `max_teaching`.
     """
 
     lesson: int
@@ -42,11 +43,7 @@ class LessonReason:
     serves: IntArray
     saving: float
     saving_others_fixed: float
-
-    @property
-    def stays_up_to(self) -> float:
-        """Cost up to which an optimal plan has it."""
-        return self.c_demo + self.saving
+    stays_up_to: float
 
 
 @dataclass(frozen=True)
@@ -79,7 +76,8 @@ class Reasons:
 def reasons_of(shop: Shop, plan: ShopPlan, *, time_limit_s: float = 10.0) -> Reasons:
     """Solve the shop again without each lesson, and with each of the others for free.
 
-    With `max_teaching`, a lesson's cost also counts against the limit, and only savings are told.
+    With `max_teaching`, a lesson's cost also counts against the limit: the dearer it is, the less is left for others.
+    The optimum is then not concave in it, one more solution does not say up to where, and only savings are told.
 
     Args:
         shop: the day.
@@ -92,7 +90,7 @@ def reasons_of(shop: Shop, plan: ShopPlan, *, time_limit_s: float = 10.0) -> Rea
     lessons = [_lesson(shop, plan, lesson, robot, deadline) for lesson, robot in plan.taught.tolist()]
     unknown = sum(math.isnan(each.saving) for each in lessons)
     others: list[BreakEven] = []
-    if math.isinf(shop.max_teaching):
+    if tells_costs(shop):
         given = set(plan.taught[:, 0].tolist())
         for lesson in (each for each in range(len(shop.lessons)) if each not in given):
             below = _below(shop, plan, lesson, deadline)
@@ -104,6 +102,11 @@ def reasons_of(shop: Shop, plan: ShopPlan, *, time_limit_s: float = 10.0) -> Rea
     return Reasons(alone, tuple(lessons), tuple(others), unknown)
 
 
+def tells_costs(shop: Shop) -> bool:
+    """Whether it can be told up to which cost lessons are given."""
+    return math.isinf(shop.max_teaching)
+
+
 def _lesson(shop: Shop, plan: ShopPlan, lesson: int, robot: int, deadline: float) -> LessonReason:
     serves = np.flatnonzero((plan.lesson == lesson) & (plan.robot == robot) & (plan.decision == 0))
     rest = np.array([pair for pair in plan.taught.tolist() if pair != [lesson, robot]], dtype=np.int64).reshape(-1, 2)
@@ -113,8 +116,9 @@ def _lesson(shop: Shop, plan: ShopPlan, lesson: int, robot: int, deadline: float
         fixed = math.inf
     c_demo = shop.c_demo.copy()
     c_demo[robot, lesson] = np.inf
-    saving = _optimum(replace(shop, c_demo=c_demo), deadline) - plan.objective
-    return LessonReason(lesson, robot, float(shop.c_demo[robot, lesson]), serves, _sound(saving, plan), fixed)
+    saving = _sound(_optimum(replace(shop, c_demo=c_demo), deadline) - plan.objective, plan)
+    cost = float(shop.c_demo[robot, lesson])
+    return LessonReason(lesson, robot, cost, serves, saving, fixed, cost + saving if tells_costs(shop) else math.nan)
 
 
 def _below(shop: Shop, plan: ShopPlan, lesson: int, deadline: float) -> BreakEven | None:
