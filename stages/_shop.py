@@ -16,6 +16,7 @@ from p2l.team.columns import likeness
 from p2l.team.planners import plan
 from p2l.team.sheets import check_standard_input
 from p2l.team.shop import Shop, ShopPlan, check_shop_plan, plan_shop
+from p2l.team.shop.cautions import shop_cautions
 from p2l.team.shop.explain import break_even_rows, explain_shop, reason_rows
 from p2l.team.shop.files import check_shop_place, of_plan, read_shop_plan, settings_of, write_shop_plan
 from p2l.team.shop.reading import Filling, ShopReading, read_shop
@@ -68,14 +69,15 @@ def plan_own_tasks(cfg: PlanConfig, out: Path, track: Tracker) -> None:
     picture = (out / "plan.png").read_bytes()
     why, near = reason_rows(shop, reasons), break_even_rows(shop, reasons)
     alone = None if math.isnan(reasons.alone) else reasons.alone
-    content = PageContent(shop, day, cfg.subject, why, near, alone, reading.remarks, picture)
+    remarks = (*reading.remarks, *shop_cautions(shop))
+    content = PageContent(shop, day, cfg.subject, why, near, alone, remarks, picture)
     write_page(out / "plan.html", content)
     save_shop(out, reading.saved)
-    write_shop_plan(out, shop, day, reasons, extra=reading.extra, remarks=reading.remarks)
+    write_shop_plan(out, shop, day, reasons, extra=reading.extra, remarks=remarks)
     track.metrics({"objective": day.objective, "lower_bound": day.lower_bound, "seconds": day.seconds})
     for name in ("plan.png", "plan.html"):
         track.artifact(out / name)
-    for remark in reading.remarks:
+    for remark in remarks:
         print(f"Note: {remark}")
     print(explain_shop(shop, day, reasons))
 

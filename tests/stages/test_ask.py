@@ -167,3 +167,12 @@ def test_the_shop_s_prior_has_a_question_that_is_worth_asking(stage, tmp_path):
     assert code == 0, told.err
     assert "Next question: what does it cost you" in told.out
     assert len(rows_of(tmp_path / "out" / "questions.csv")) == 9
+
+
+def test_failures_are_compared_with_what_is_believed(stage, tmp_path):
+    """Pegs are believed to cost 80, and then 20; their failures cost 10 + 60, where the orders say 50."""
+    words = ("tasks=orders.csv", "transfer=transfer.csv", "fill=0", "prior=prior.csv", "c_ask=20")
+    orders = FILES["orders"].replace("peg,10,50,100", "peg,10,50,60")
+    (tmp_path / "orders.csv").write_text(orders, encoding="utf-8")
+    assert "costs less than handing over (c_hum) at 'peg';" in stage("ask", *words)[1].out
+    assert "costs less than handing over" not in stage("ask", *words, "answers=said.csv", out="again")[1].out

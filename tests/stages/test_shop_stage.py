@@ -220,3 +220,23 @@ def test_the_example_s_day_with_its_two_surprises(stage):
     assert "8. bearing_3: not taught; expected cost of the day 295.3 -> 319.5\n  new lesson: bearing_1 (" in told.out
     assert "43. connector_2: failure; expected cost of the day 216.7 -> 238.4 (240.0 if the plan were kept)" in told.out
     assert "The day is done: 46 outcomes, cost 223.0." in told.out
+
+
+def test_a_failure_that_is_cheaper_than_handing_over_is_named_and_changes_nothing(stage, tmp_path):
+    """An attempt at the gear that fails costs 10 + 80, the person 100; of the lid both cost 100."""
+    (tmp_path / "cheap.csv").write_text(
+        "task,c_rob,c_hum,c_fail,c_demo\ngear,10,100,80,120\nlid,10,100,90,200\nnut,10,never,1,9\ncog,never,9,1,9\n"
+    )
+    code, told = stage("plan", "tasks=cheap.csv", "transfer=transfer.csv", "fill=0")
+    assert code == 0, told.err
+    note = "a failed attempt (c_rob + c_fail) costs less than handing over (c_hum) at 'gear'; c_fail has to hold"
+    assert f"Note: {note}" in told.out
+    assert "a failed attempt (c_rob + c_fail)" in (tmp_path / "out/plan.html").read_text(encoding="utf-8")
+    assert "Expected cost 157.0 (proven optimal)" in told.out
+    assert stage("check_plan", "tasks=cheap.csv", "transfer=transfer.csv", "fill=0", "plan=out", out="check")[0] == 0
+    (tmp_path / "future.csv").write_text("scenario,task,count\n1,gear,1\n")
+    (tmp_path / "cheap.csv").write_text("task,c_rob,c_hum,c_fail,c_demo\ngear,10,100,80,120\n")
+    (tmp_path / "then.csv").write_text("task,c_rob,c_hum,c_fail,c_demo\ngear,10,100,100,120\nlid,1,9,7,never\n")
+    words = ("tasks=cheap.csv", "transfer=transfer.csv", "fill=0", "tomorrow=then.csv", "scenarios=future.csv")
+    code, told = stage("plan", *words, out="both")
+    assert "at 'gear', 'lid'; c_fail has to hold" in told.out

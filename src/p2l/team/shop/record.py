@@ -52,7 +52,7 @@ class Shop:
         count: [n] copies of each task, at least 1.
         c_hum: [n] cost of handing one copy to the person; infinite where the person cannot.
         c_rob: [R, n] cost of an attempt; infinite where the robot cannot.
-        c_fail: [R, n] cost of a failed attempt, on top of the attempt.
+        c_fail: [R, n] cost of a failed attempt on top of the attempt, the person's doing the task after it included.
         pretrained: [R, n] success probability of the skills that a robot has.
         c_demo: [R, L] cost of teaching a lesson to a robot; infinite where it cannot be taught.
         transfer: [R, L, n] success probability on a task after a lesson to the robot that attempts it. A lesson's own
