@@ -415,3 +415,14 @@ def test_with_a_limit_of_teaching_no_cost_is_told_up_to_which_a_lesson_is_given(
     path.write_text(whole + "cog,Panda,no,130,,,,100\n", encoding="utf-8")
     with pytest.raises(InputError, match="'cog' is no such lesson"):
         check_reasons(tmp_path, shop, made, time_limit_s=0.0)
+
+
+def test_what_cannot_be_taught_would_not_be_below_any_cost():
+    """Free, the cog's lesson would be given, if there were one; Ada can be taught the course alone."""
+    shop = day(c_demo=np.array([[120.0, np.inf, 200.0]]))
+    reasons = reasons_of(shop, plan_shop(shop))
+    assert [shop.lessons[each.lesson] for each in reasons.not_given] == ["lid"]
+    shop = course()
+    reasons = reasons_of(shop, plan_shop(shop))
+    assert reasons.not_given
+    assert all(np.isfinite(each.c_demo) for each in reasons.not_given)

@@ -48,7 +48,7 @@ class LessonReason:
 
 @dataclass(frozen=True)
 class BreakEven:
-    """A lesson that is not given: `below` this cost an optimal plan has it; 0 if it does not pay at all."""
+    """A lesson that can be given and is not: `below` this cost an optimal plan has it; 0 if it does not pay at all."""
 
     lesson: int
     robot: int
@@ -74,7 +74,7 @@ class Reasons:
 
 
 def reasons_of(shop: Shop, plan: ShopPlan, *, time_limit_s: float = 10.0) -> Reasons:
-    """Solve the shop again without each lesson, and with each of the others for free.
+    """Solve the shop again without each lesson, and with each of the others that can be given for free.
 
     With `max_teaching`, a lesson's cost also counts against the limit: the dearer it is, the less is left for others.
     The optimum is then not concave in it, one more solution does not say up to where, and only savings are told.
@@ -92,13 +92,14 @@ def reasons_of(shop: Shop, plan: ShopPlan, *, time_limit_s: float = 10.0) -> Rea
     others: list[BreakEven] = []
     if tells_costs(shop):
         given = set(plan.taught[:, 0].tolist())
-        for lesson in (each for each in range(len(shop.lessons)) if each not in given):
+        can_teach = np.flatnonzero(np.isfinite(shop.c_demo).any(axis=0)).tolist()
+        for lesson in (each for each in can_teach if each not in given):
             below = _below(shop, plan, lesson, deadline)
             if below is None:
                 unknown += 1
             elif below.below > _ZERO * plan.objective:
                 others.append(below)
-    others.sort(key=lambda each: (each.c_demo - each.below if math.isfinite(each.c_demo) else math.inf, -each.below))
+    others.sort(key=lambda each: (each.c_demo - each.below, -each.below))
     return Reasons(alone, tuple(lessons), tuple(others), unknown)
 
 
@@ -122,9 +123,9 @@ def _lesson(shop: Shop, plan: ShopPlan, lesson: int, robot: int, deadline: float
 
 
 def _below(shop: Shop, plan: ShopPlan, lesson: int, deadline: float) -> BreakEven | None:
-    """For the robot to which it would be given first; None if there is no time."""
+    """For the robot to which it would be given first, of those to which it can be; None if there is no time."""
     best: BreakEven | None = None
-    for robot in range(len(shop.robots)):
+    for robot in np.flatnonzero(np.isfinite(shop.c_demo[:, lesson])).tolist():
         c_demo = shop.c_demo.copy()
         c_demo[robot, lesson] = 0.0
         below = _sound(plan.objective - _optimum(replace(shop, c_demo=c_demo), deadline), plan)
