@@ -106,6 +106,10 @@ def test_a_table_with_decimal_commas_and_a_distribution(stage, tmp_path):
         ("prior", "family,cost,probability\nlids,1,1\npegs,5,0.5\npegs,6,0.4\n", ("row 3, column 'prob", "to 0.9")),
         ("prior", "family,cost,probability\npegs,-5,1\n", ("row 2, column 'cost'", "'-5'")),
         ("prior", "family,cost,probability\npegs,5,0.5\npegs,5,0.5\n", ("row 3, column 'cost'", "twice")),
+        (
+            "prior", "family,cost,probability\n" + "".join(f"pegs,{cost},0.001\n" for cost in range(1001)),
+            ("row 2, column 'cost'", "1001 costs; give at most 1000"),
+        ),
         ("prior", "family,price\npegs,5\n", ("prior.csv, row 1", "family,mean,sd[,distribution] or family,cost,")),
         ("prior", "family,mean,cost\npegs,5,5\n", ("prior.csv, row 1", "expected")),
         ("prior", "family,mean,sd\n", ("prior.csv", "no families")),
@@ -135,6 +139,10 @@ def test_a_mistake_in_a_table_is_one_message_with_file_row_and_field(stage, tmp_
         (("c_ask=1", "look_ahead=4"), "look_ahead"),
         (("c_ask=1", "order=any", "before=before.csv"), "leave one out"),
         (("c_ask=1", "tasks=-"), "read twice"),
+        (("c_ask=1", "points=0"), "points: given '0'"),
+        (("c_ask=1", "points=100000"), "points: given '100000'; input should be less than or equal to 1000"),
+        (("c_ask=1", "max_lessons=1.5"), "max_lessons: given '1.5'"),
+        (("c_ask=1", "max_lessons=1000000000000000000000000000000"), "max_lessons: given '1000"),
     ],
 )
 def test_a_wrong_setting_is_refused(stage, words, part):

@@ -145,6 +145,7 @@ def test_pairs_that_nobody_tried_are_predicted(stage, tmp_path):
             ("misspelt.csv, column 'task': has no row for 'lid'", "is it 'lidd'?"),
         ),
         ((*OWN, "fill=0", "max_lessons=-1"), ("max_lessons",)),
+        ((*OWN, "fill=0", f"max_lessons=1{'0' * 30}"), ("max_lessons", "less than or equal to 1000000")),
         (
             ("tasks=must.csv", "transfer=square.csv", "max_lessons=1"),
             (

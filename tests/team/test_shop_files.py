@@ -426,3 +426,13 @@ def test_what_cannot_be_taught_would_not_be_below_any_cost():
     reasons = reasons_of(shop, plan_shop(shop))
     assert reasons.not_given
     assert all(np.isfinite(each.c_demo) for each in reasons.not_given)
+
+
+@pytest.mark.parametrize("limit", ["-1", '"two"', "1" + "0" * 400, "NaN"])
+def test_a_limit_that_is_none_is_refused(tmp_path, limit):
+    shop = day(max_lessons=2.0)
+    write_shop_plan(tmp_path, shop, plan_shop(shop), NO_REASONS)
+    path = tmp_path / "plan.json"
+    path.write_text(path.read_text(encoding="utf-8").replace('"max_lessons": 2.0', f'"max_lessons": {limit}'))
+    with pytest.raises(ArtifactError, match="its order or its limits are unknown"):
+        settings_of(tmp_path)
