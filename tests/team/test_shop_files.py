@@ -436,3 +436,28 @@ def test_a_limit_that_is_none_is_refused(tmp_path, limit):
     path.write_text(path.read_text(encoding="utf-8").replace('"max_lessons": 2.0', f'"max_lessons": {limit}'))
     with pytest.raises(ArtifactError, match="its order or its limits are unknown"):
         settings_of(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("limits", "text"),
+    [
+        ({"max_lessons": 0.0}, "because of max_lessons=0: without, some pay, and the day costs 320.0."),
+        ({"max_teaching": 119.0}, "because of max_teaching=119: without, some pay, and the day costs 320.0."),
+        (
+            {"max_lessons": 3.0, "max_teaching": 119.0},
+            "because of max_lessons=3 and max_teaching=119: without, some pay, and the day costs 320.0.",
+        ),
+        (
+            {"max_teaching": 9.0, "c_demo": np.full((1, 3), 999.0)},
+            "No lesson pays for itself, without max_teaching=9 neither.",
+        ),
+    ],
+)
+def test_a_limit_that_leaves_no_lesson_is_named_and_what_it_costs(limits, text):
+    """Without limits the gear is taught for five lids, and not for 999."""
+    shop = day(**limits)
+    made = plan_shop(shop)
+    reasons = reasons_of(shop, made)
+    assert explain_shop(shop, made, reasons).splitlines()[-1].endswith(text)
+    hurried = explain_shop(shop, made, replace(reasons, without_limits=np.nan))
+    assert "there was no time to find out" in hurried

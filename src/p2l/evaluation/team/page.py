@@ -221,7 +221,9 @@ def _lessons(
         first = break_even[0] if break_even else {}
         near = cell(first.get("pays_below"))
         parts.append(
-            "<p>No lesson pays" + (f"; {cell(first.get('lesson'))} would below {near}." if first else ".") + "</p>"
+            f"<p>No lesson pays{' within the limits' if shop.is_limited else ''}"
+            + (f"; {cell(first.get('lesson'))} would below {near}." if first else ".")
+            + "</p>"
         )
     if break_even:
         parts.append("<h3>Lessons that are not given</h3>")

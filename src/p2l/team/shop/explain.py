@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from p2l.team.problem import Decision
-from p2l.team.shop.reasons import BreakEven, LessonReason, Reasons, tells_costs
+from p2l.team.shop.reasons import SAME, BreakEven, LessonReason, Reasons, tells_costs
 from p2l.team.shop.record import Shop, ShopPlan
 from p2l.text import printable
 
@@ -39,7 +39,7 @@ def explain_shop(shop: Shop, plan: ShopPlan, reasons: Reasons) -> str:
             + (f", and {rest} more in reasons.csv." if rest > 0 else ".")
         )
     elif not reasons.lessons:
-        lines.append("No lesson pays for itself.")
+        lines.append(_none_given(shop, plan, reasons))
     if reasons.unknown:
         lines.append(f"There was no time to solve again for {reasons.unknown} lessons; give more with reasons_s=….")
     return "\n".join(lines)
@@ -107,6 +107,25 @@ def _row(shop: Shop, reason: LessonReason) -> tuple[str, ...]:
     up_to = (reason.stays_up_to,) if tells_costs(shop) else ()
     numbers = (reason.saving, reason.saving_others_fixed, *up_to)
     return (name, *robot, f"{reason.c_demo:,.1f}", served(shop, reason), *map(_amount, numbers))
+
+
+def _none_given(shop: Shop, plan: ShopPlan, reasons: Reasons) -> str:
+    if not shop.is_limited:
+        return "No lesson pays for itself."
+    limits = limits_of(shop)
+    if math.isnan(reasons.without_limits):
+        return f"No lesson pays within {limits}; there was no time to find out whether one does without."
+    if plan.objective - reasons.without_limits <= SAME * plan.objective:
+        return f"No lesson pays for itself, without {limits} neither."
+    return (
+        f"No lesson is given because of {limits}: without, some pay, and the day costs {reasons.without_limits:,.1f}."
+    )
+
+
+def limits_of(shop: Shop) -> str:
+    """The limits on lessons as they were given."""
+    given = (("max_lessons", shop.max_lessons), ("max_teaching", shop.max_teaching))
+    return " and ".join(f"{name}={value:g}" for name, value in given if math.isfinite(value))
 
 
 def _near(shop: Shop, other: BreakEven) -> str:

@@ -19,7 +19,7 @@ from p2l.team.shop.outcome import shop_outcome
 from p2l.team.shop.planner import plan_shop
 from p2l.team.shop.record import Shop, ShopPlan
 
-_ZERO = 1e-9  # relative to the plan's cost: savings below it are rounding
+SAME = 1e-9  # relative to the plan's cost: savings below it are rounding
 
 
 @dataclass(frozen=True)
@@ -65,12 +65,15 @@ class Reasons:
         lessons: of the plan.
         not_given: lessons that a lower cost would bring into the plan, the one that is nearest to it first.
         unknown: lessons that there was no time for.
+        without_limits: optimum without the limits on lessons, where they leave none; NaN if that was not asked for, or
+            is not known.
     """
 
     alone: float
     lessons: tuple[LessonReason, ...]
     not_given: tuple[BreakEven, ...]
     unknown: int
+    without_limits: float = math.nan
 
 
 def reasons_of(shop: Shop, plan: ShopPlan, *, time_limit_s: float = 10.0) -> Reasons:
@@ -97,10 +100,13 @@ def reasons_of(shop: Shop, plan: ShopPlan, *, time_limit_s: float = 10.0) -> Rea
             below = _below(shop, plan, lesson, deadline)
             if below is None:
                 unknown += 1
-            elif below.below > _ZERO * plan.objective:
+            elif below.below > SAME * plan.objective:
                 others.append(below)
     others.sort(key=lambda each: (each.c_demo - each.below, -each.below))
-    return Reasons(alone, tuple(lessons), tuple(others), unknown)
+    free = math.nan
+    if not lessons and shop.is_limited:
+        free = _optimum(replace(shop, max_lessons=math.inf, max_teaching=math.inf), deadline)
+    return Reasons(alone, tuple(lessons), tuple(others), unknown, free)
 
 
 def tells_costs(shop: Shop) -> bool:
@@ -137,7 +143,7 @@ def _below(shop: Shop, plan: ShopPlan, lesson: int, deadline: float) -> BreakEve
 
 
 def _sound(difference: float, plan: ShopPlan) -> float:
-    return 0.0 if abs(difference) <= _ZERO * plan.objective else difference
+    return 0.0 if abs(difference) <= SAME * plan.objective else difference
 
 
 def _optimum(shop: Shop, deadline: float) -> float:
