@@ -20,6 +20,7 @@ def run(cfg: AskConfig, out: Path, track: Tracker) -> None:
     from p2l.team.preferences.explain import explain_questions, questions_text
     from p2l.team.preferences.values import Optima
     from p2l.team.sheets import check_standard_input
+    from p2l.team.shop.cautions import shop_cautions
     from p2l.team.shop.explain import explain_shop
     from p2l.team.shop.files import FILES, check_shop_place, write_shop_plan
     from p2l.team.shop.reasons import reasons_of
@@ -38,7 +39,7 @@ def run(cfg: AskConfig, out: Path, track: Tracker) -> None:
         )
     shop, day = expected_shop(reading.shop, believed), optima.at(believed.mean).plan
     reasons = reasons_of(shop, day, time_limit_s=cfg.reasons_s)
-    remarks = (*reading.remarks, *told.remarks)
+    remarks = (*reading.remarks, *told.remarks, *shop_cautions(shop))
     said = (reading.shop, believed, values, told.asked, cfg.c_ask)
     write_text(out / tables.ORDERS, tables.orders_text(cfg.tasks, shop))
     write_text(out / tables.QUESTIONS, questions_text(*said))

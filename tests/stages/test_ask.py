@@ -83,6 +83,10 @@ def test_a_table_with_decimal_commas_and_a_distribution(stage, tmp_path):
         ("prior", "family,cost,probability\nlids,1,1\npegs,5,0.5\npegs,6,0.4\n", ("row 3, column 'prob", "to 0.9")),
         ("prior", "family,cost,probability\npegs,-5,1\n", ("row 2, column 'cost'", "'-5'")),
         ("prior", "family,cost,probability\npegs,5,0.5\npegs,5,0.5\n", ("row 3, column 'cost'", "twice")),
+        (
+            "prior", "family,cost,probability\n" + "".join(f"pegs,{cost},0.001\n" for cost in range(1001)),
+            ("row 2, column 'cost'", "1001 costs; give at most 1000"),
+        ),
         ("prior", "family,price\npegs,5\n", ("prior.csv, row 1", "family,mean,sd[,distribution] or family,cost,")),
         ("prior", "family,mean,cost\npegs,5,5\n", ("prior.csv, row 1", "expected")),
         ("prior", "family,mean,sd\n", ("prior.csv", "no families")),
@@ -112,6 +116,10 @@ def test_a_mistake_in_a_table_is_one_message_with_file_row_and_field(stage, tmp_
         (("c_ask=1", "look_ahead=4"), "look_ahead"),
         (("c_ask=1", "order=any", "before=before.csv"), "leave one out"),
         (("c_ask=1", "tasks=-"), "read twice"),
+        (("c_ask=1", "points=0"), "points: given '0'"),
+        (("c_ask=1", "points=100000"), "points: given '100000'; input should be less than or equal to 1000"),
+        (("c_ask=1", "max_lessons=1.5"), "max_lessons: given '1.5'"),
+        (("c_ask=1", "max_lessons=1000000000000000000000000000000"), "max_lessons: given '1000"),
     ],
 )
 def test_a_wrong_setting_is_refused(stage, words, part):
@@ -144,3 +152,12 @@ def test_the_shop_s_prior_has_a_question_that_is_worth_asking(stage, tmp_path):
     assert code == 0, told.err
     assert "Next question: what does it cost you" in told.out
     assert len(rows_of(tmp_path / "out" / "questions.csv")) == 9
+
+
+def test_failures_are_compared_with_what_is_believed(stage, tmp_path):
+    """Pegs are believed to cost 80, and then 20; their failures cost 10 + 60, where the orders say 50."""
+    words = ("tasks=orders.csv", "transfer=transfer.csv", "fill=0", "prior=prior.csv", "c_ask=20")
+    orders = FILES["orders"].replace("peg,10,50,100", "peg,10,50,60")
+    (tmp_path / "orders.csv").write_text(orders, encoding="utf-8")
+    assert "costs less than handing over (c_hum) at 'peg';" in stage("ask", *words)[1].out
+    assert "costs less than handing over" not in stage("ask", *words, "answers=said.csv", out="again")[1].out

@@ -81,6 +81,8 @@ def test_families_alone_give_a_first_table(stage):
         ((f"features={FEATURES}", "prior.other=0.8"), ("prior", "0.8", "the more alike")),
         ((f"features={FEATURES}", "level=1.0"), ("level",)),
         ((f"features={FEATURES}", "models=[oracle]"), ("models",)),
+        ((f"features={FEATURES}", "members=1000000000"), ("members", "less than or equal to 1000")),
+        ((f"features={FEATURES}", "folds=1001", "next_trials=10001"), ("folds: given", "next_trials: given")),
         (("features={bare}",), ("column 'family'", "without trials")),
     ],
 )

@@ -122,6 +122,7 @@ def test_pairs_that_nobody_tried_are_predicted(stage, tmp_path):
             ("misspelt.csv, column 'task': has no row for 'lid'", "is it 'lidd'?"),
         ),
         ((*OWN, "fill=0", "max_lessons=-1"), ("max_lessons",)),
+        ((*OWN, "fill=0", f"max_lessons=1{'0' * 30}"), ("max_lessons", "less than or equal to 1000000")),
         (
             ("tasks=must.csv", "transfer=square.csv", "max_lessons=1"),
             (
@@ -207,3 +208,78 @@ def test_the_documented_day_with_one_question_and_two_surprises(stage, tmp_path)
             assert [line for line in lines if line not in output] == []
     with_question = float(printed[3][-2].rpartition("cost ")[2].rstrip(".")) + 2.0
     assert f"With the question the day has cost {with_question:.1f}; " in section
+
+
+def test_a_failure_that_is_cheaper_than_handing_over_is_named_and_changes_nothing(stage, tmp_path):
+    """An attempt at the gear that fails costs 10 + 80, the person 100; of the lid both cost 100."""
+    (tmp_path / "cheap.csv").write_text(
+        "task,c_rob,c_hum,c_fail,c_demo\ngear,10,100,80,120\nlid,10,100,90,200\nnut,10,never,1,9\ncog,never,9,1,9\n"
+    )
+    code, told = stage("plan", "tasks=cheap.csv", "transfer=transfer.csv", "fill=0")
+    assert code == 0, told.err
+    note = "a failed attempt (c_rob + c_fail) costs less than handing over (c_hum) at 'gear'; c_fail has to hold"
+    assert f"Note: {note}" in told.out
+    assert "a failed attempt (c_rob + c_fail)" in (tmp_path / "out/plan.html").read_text(encoding="utf-8")
+    assert "Expected cost 157.0 (proven optimal)" in told.out
+    assert stage("check_plan", "tasks=cheap.csv", "transfer=transfer.csv", "fill=0", "plan=out", out="check")[0] == 0
+    (tmp_path / "future.csv").write_text("scenario,task,count\n1,gear,1\n")
+    (tmp_path / "cheap.csv").write_text("task,c_rob,c_hum,c_fail,c_demo\ngear,10,100,80,120\n")
+    (tmp_path / "then.csv").write_text("task,c_rob,c_hum,c_fail,c_demo\ngear,10,100,100,120\nlid,1,9,7,never\n")
+    words = ("tasks=cheap.csv", "transfer=transfer.csv", "fill=0", "tomorrow=then.csv", "scenarios=future.csv")
+    code, told = stage("plan", *words, out="both")
+    assert "at 'gear', 'lid'; c_fail has to hold" in told.out
+
+
+CHANGES = [
+    ("orders", ("gear;10;100;100;120", "gear;10;99,5;100;120"), "c_hum of 'gear' is 99.5, and was 100"),
+    ("orders", ("gear;10;100;100;120", "gear;10;100;100;121"), "c_demo of 'gear' (Panda) is 121, and was 120"),
+    ("orders", ("lid;10;100;100;200;5", "lid;10;100;100;200;4"), "count of 'lid' is 4, and was 5"),
+    ("orders", (";;C", ";;X"), "other cells in 'Bay'"),
+    ("orders", ("cog;10", "dog;10"), "tasks: 'cog' missing, 'dog' new"),
+    (
+        "transfer",
+        ("gear,lid,0.9", "gear,lid,0.8"),
+        "transfer of a lesson on 'gear' to 'lid' (Panda) is 0.8, and was 0.9",
+    ),
+    ("before", ("lid,nut", "nut,gear"), "the partial order (before=…) has other rows"),
+]
+
+
+@pytest.mark.parametrize(("name", "change", "what"), CHANGES)
+def test_a_plan_of_other_tables_is_told_by_what_is_other(stage, tmp_path, name, change, what):
+    assert stage("plan", *OWN, *ALL)[0] == 0
+    text = FILES[name].replace(*change)
+    assert text != FILES[name]
+    (tmp_path / f"{name}.csv").write_text(text, encoding="utf-8")
+    if "dog" in text:
+        (tmp_path / "transfer.csv").write_text(TRANSFER.replace("cog", "dog"), encoding="utf-8")
+    code, told = stage("check_plan", *OWN, *ALL, "plan=out", out="check")
+    assert code == 2
+    assert f"stage check_plan: plan=out: was made from other tables: {what}; give the tables" in told.err
+
+
+def test_a_plan_of_several_robots_is_not_one_of_a_single_one(stage):
+    """`tuple index out of range` it said."""
+    assert stage("plan", *OWN, *ALL)[0] == 0
+    code, told = stage("check_plan", *OWN, "before=before.csv", "fill=0", "plan=out", out="check")
+    assert (code, "robots: 'Panda', 'Ada' missing, 'robot' new" in told.err) == (2, True)
+
+
+def test_an_unknown_planner_is_that_before_it_is_one_that_cannot(stage):
+    code, told = stage("plan", *OWN, "fill=0", "planner=foo")
+    assert (code, "unknown planner 'foo'; known: ad, alm, auto" in told.err) == (2, True)
+
+
+def test_a_key_that_there_is_not_is_told_with_the_one_that_is_meant(stage):
+    code, told = stage("plan", *OWN, "fill=0", "foercast=x.csv")
+    assert code == 2
+    assert "stage plan: foercast: unknown key; did you mean 'forecast'? allowed: before, commit" in told.err
+    assert "+foercast" not in told.err
+    assert "domain.nme: unknown key; did you mean 'name'?" in stage("plan", "domain.nme=lego")[1].err
+    assert "+domain.params.taps" in stage("plan", "domain.params.taps=3")[1].err  # which may be there
+
+
+def test_a_folder_that_is_a_file_is_called_so(stage, tmp_path):
+    for out, what in (("orders.csv", "is a file"), ("orders.csv/in", "is in a file")):
+        code, told = stage("plan", *OWN, "fill=0", out=out)
+        assert (code, f"{out}: {what}; give a folder" in told.err, "Errno" in told.err) == (2, True, False)

@@ -152,3 +152,9 @@ def test_a_plan_of_both_days_needs_its_future(stage):
     code, told = stage("check_plan", *OWN[:2], "plan=out", out="check")
     assert code == 2
     assert "is for today and tomorrow; give its scenarios" in told.err
+
+
+def test_a_limit_that_leaves_no_lesson_is_named(stage):
+    code, told = stage("plan", *OWN, "scenarios=scenarios.csv", "commit=all", "max_lessons=0")
+    assert code == 0, told.err
+    assert "No lesson pays within max_lessons=0, neither today nor tomorrow." in told.out

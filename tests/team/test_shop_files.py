@@ -394,3 +394,70 @@ def test_the_cost_without_lessons_is_checked_and_what_nobody_had_time_for_is_cou
     assert json.loads(path.read_text())["unknown_reasons"] > 0
     with_reasons(tmp_path, shop)
     assert check_reasons(tmp_path, shop, made, time_limit_s=1e-9).unknown > 0
+
+
+def test_with_a_limit_of_teaching_no_cost_is_told_up_to_which_a_lesson_is_given(tmp_path):
+    """The gear's lesson saves 35 beside the cog's, but from 121 on it takes more than the limit has left."""
+    shop = day(max_teaching=120.0)
+    made = with_reasons(tmp_path, shop)
+    told = explain_shop(shop, made, reasons_of(shop, made))
+    assert "gear" in told
+    assert "saving" in told
+    assert "given up to" not in told
+    [row] = rows_of(tmp_path / "reasons.csv")
+    assert (row["lesson"], row["given_below"]) == ("gear", "")
+    assert plan_shop(replace(shop, c_demo=np.array([[121.0, 130.0, 200.0]]))).taught.tolist() == []
+    path = tmp_path / "reasons.csv"
+    whole = path.read_text(encoding="utf-8")
+    path.write_text(whole.rstrip("\n") + "500\n", encoding="utf-8")
+    with pytest.raises(InputError, match=r"reasons.csv, row 2, column 'given_below': '500' is there"):
+        check_reasons(tmp_path, shop, made, time_limit_s=10.0)
+    path.write_text(whole + "cog,Panda,no,130,,,,100\n", encoding="utf-8")
+    with pytest.raises(InputError, match="'cog' is no such lesson"):
+        check_reasons(tmp_path, shop, made, time_limit_s=0.0)
+
+
+def test_what_cannot_be_taught_would_not_be_below_any_cost():
+    """Free, the cog's lesson would be given, if there were one; Ada can be taught the course alone."""
+    shop = day(c_demo=np.array([[120.0, np.inf, 200.0]]))
+    reasons = reasons_of(shop, plan_shop(shop))
+    assert [shop.lessons[each.lesson] for each in reasons.not_given] == ["lid"]
+    shop = course()
+    reasons = reasons_of(shop, plan_shop(shop))
+    assert reasons.not_given
+    assert all(np.isfinite(each.c_demo) for each in reasons.not_given)
+
+
+@pytest.mark.parametrize("limit", ["-1", '"two"', "1" + "0" * 400, "NaN"])
+def test_a_limit_that_is_none_is_refused(tmp_path, limit):
+    shop = day(max_lessons=2.0)
+    write_shop_plan(tmp_path, shop, plan_shop(shop), NO_REASONS)
+    path = tmp_path / "plan.json"
+    path.write_text(path.read_text(encoding="utf-8").replace('"max_lessons": 2.0', f'"max_lessons": {limit}'))
+    with pytest.raises(ArtifactError, match="its order or its limits are unknown"):
+        settings_of(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("limits", "text"),
+    [
+        ({"max_lessons": 0.0}, "because of max_lessons=0: without, some pay, and the day costs 320.0."),
+        ({"max_teaching": 119.0}, "because of max_teaching=119: without, some pay, and the day costs 320.0."),
+        (
+            {"max_lessons": 3.0, "max_teaching": 119.0},
+            "because of max_lessons=3 and max_teaching=119: without, some pay, and the day costs 320.0.",
+        ),
+        (
+            {"max_teaching": 9.0, "c_demo": np.full((1, 3), 999.0)},
+            "No lesson pays for itself, without max_teaching=9 neither.",
+        ),
+    ],
+)
+def test_a_limit_that_leaves_no_lesson_is_named_and_what_it_costs(limits, text):
+    """Without limits the gear is taught for five lids, and not for 999."""
+    shop = day(**limits)
+    made = plan_shop(shop)
+    reasons = reasons_of(shop, made)
+    assert explain_shop(shop, made, reasons).splitlines()[-1].endswith(text)
+    hurried = explain_shop(shop, made, replace(reasons, without_limits=np.nan))
+    assert "there was no time to find out" in hurried

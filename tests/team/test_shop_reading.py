@@ -310,6 +310,21 @@ def test_robots_replace_what_the_orders_say(tmp_path):
     assert day.remarks == (f"not read in {tmp_path / 'robots.csv'}: 'note'",)
 
 
+def test_a_robot_in_general_does_not_make_possible_what_the_orders_rule_out(tmp_path):
+    """A row of the robot and the task does."""
+    orders = (
+        "task,c_rob,c_hum,c_fail,c_demo,teachable\ncup,never,100,100,-,\nlid,10,100,never,200,no\nbox,10,90,80,70,\n"
+    )
+    robots = "robot,task,c_rob,c_fail,c_demo,teachable\narm,,5,50,20,yes\nhand,,5,50,20,yes\n"
+    transfer = with_column("c_demo", "", "", "", table=SQUARE) + "cap,0.9,0.8,0.7,never\n"
+    own = "hand,cup,6,,30,\nhand,lid,,60,,yes\n"
+    shop = read(tmp_path, orders, transfer, robots=robots + own).shop
+    assert shop.c_rob.tolist() == [[inf, 5, 5], [6, 5, 5]]
+    assert shop.c_fail.tolist() == [[50, inf, 50], [50, 60, 50]]
+    assert shop.lessons == ("cup", "lid", "box")
+    assert shop.c_demo.tolist() == [[inf, inf, 20], [30, 20, 20]]
+
+
 def test_a_lesson_of_the_catalogue_may_cost_each_robot_something_else(tmp_path):
     transfer = with_column("c_demo", "", "", "", table=SQUARE) + "cap,0.9,0.8,0.7,\npot,x,x,x,\n"
     day = read(tmp_path, transfer=transfer, robots="robot,task,c_demo\na,cap,30\nb,,50\n")

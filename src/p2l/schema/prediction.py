@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from p2l.schema.base import ConfigSection, Count, Positive, StageConfig
+from p2l.schema.base import ConfigSection, Positive, StageConfig
 
 ModelName = Literal["rates", "logistic", "gp", "trees", "net"]
 OpenProbability = Annotated[float, Field(gt=0, lt=1)]
@@ -34,11 +34,11 @@ class PredictTransferConfig(StageConfig):
     level: OpenProbability
     prior: PriorConfig
     models: Annotated[tuple[ModelName, ...], Field(min_length=1)]
-    folds: Annotated[int, Field(ge=2)]
-    fewest_pairs: Count
-    members: Annotated[int, Field(ge=5)]
+    folds: Annotated[int, Field(ge=2, le=1000)]
+    fewest_pairs: Annotated[int, Field(ge=1, le=1_000_000)]
+    members: Annotated[int, Field(ge=5, le=1000)]
     attempts_each: Annotated[int, Field(ge=1, le=5)]
-    next_trials: Count
+    next_trials: Annotated[int, Field(ge=1, le=10_000)]
 
     @model_validator(mode="after")
     def _sizes_in_order(self) -> PredictTransferConfig:

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, model_validator
 
-from p2l.schema.base import Count, NotNegative, Positive, StageConfig
+from p2l.schema.base import NotNegative, Positive, StageConfig
 from p2l.schema.team import ShopFiles
 
 
@@ -20,10 +20,10 @@ class AskConfig(StageConfig, ShopFiles):
     answers: Path | None
     c_ask: NotNegative
     noise: NotNegative
-    points: Count
+    points: Annotated[int, Field(ge=1, le=1000)]
     look_ahead: Annotated[int, Field(ge=1, le=3)]
     order: Literal["fixed", "any"] | None
-    max_lessons: NotNegative | None
+    max_lessons: Annotated[int, Field(ge=0, le=1_000_000)] | None
     max_teaching: NotNegative | None
     reasons_s: NotNegative
     time_limit_s: Positive

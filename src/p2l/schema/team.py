@@ -177,7 +177,7 @@ class PlanConfig(StudyStageConfig, ShopFiles, FutureConfig):
     records: Path | None
     planner: str
     order: Literal["fixed", "any"] | None = None
-    max_lessons: Annotated[int, Field(ge=0)] | None = None
+    max_lessons: Annotated[int, Field(ge=0, le=1_000_000)] | None = None
     max_teaching: NotNegative | None = None
     reasons_s: NotNegative = 10.0
     time_limit_s: Positive

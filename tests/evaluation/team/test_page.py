@@ -198,3 +198,9 @@ def test_a_page_of_another_cost_or_day_is_refused(tmp_path):
     path.write_bytes(b"\xff\xfe")
     with pytest.raises(ArtifactError):
         check_page(path, shop, plan)
+
+
+def test_a_cost_up_to_which_lessons_are_given_is_no_column_where_none_is_told():
+    reasons = [{"lesson": "task 1", "robot": "arm", "c_demo": 150.0, "stays_up_to": None}]
+    heads = Page(page_of(day(2), reasons=reasons)).tables[1][0]
+    assert heads[-1] == "saves, with the other lessons as they are"

@@ -41,11 +41,12 @@ from p2l.team.shop.rows import PlanRow, plan_rows
 _POLICY = "default-src 'none'; img-src data:; style-src 'unsafe-inline'"
 _DID = {Decision.ACT: "attempt", Decision.DELEGATE: "handed over", Decision.LEARN: "lesson"}
 _ROBOT = Column("robot", "robot")
+_UP_TO = Column("stays in the plan up to a cost of", "stays_up_to", True)
 _REASONS = (
     Column("lesson", "lesson"), _ROBOT, Column("costs", "c_demo", True), Column("serves", "serves"),
     Column("saves, with the rest planned anew", "saving_resolved", True),
     Column("saves, with the other lessons as they are", "saving_others_fixed", True),
-    Column("stays in the plan up to a cost of", "stays_up_to", True),
+    _UP_TO,
 )  # fmt: skip
 _BREAK_EVEN = (
     Column("lesson", "lesson"), _ROBOT, Column("costs", "c_demo", True), Column("would pay below", "pays_below", True),
@@ -62,7 +63,7 @@ class PageContent:
         title: heading.
         reasons: why each lesson pays, a row for each lesson and robot: `lesson` and `robot` (names), `c_demo`,
             `serves` (names of tasks, or a text), `saving_resolved`, `saving_others_fixed`, `stays_up_to`. What is
-            missing or None is shown as a dash.
+            missing or None is shown as a dash; without any `stays_up_to` there is no such column.
         break_even: lessons that are not given, the best first: `lesson`, `robot`, `c_demo`, and `pays_below`, the
             cost below which the lesson would pay.
         without_lessons: optimum without any lesson, infinite if there is none; if it is not known, the cost of this
@@ -212,6 +213,8 @@ def _lessons(
 ) -> str:
     one = len(shop.robots) == 1
     reason, other = ([each for each in columns if not (one and each is _ROBOT)] for columns in (_REASONS, _BREAK_EVEN))
+    if all(each.get(_UP_TO.key) is None for each in reasons):
+        reason.remove(_UP_TO)
     parts = []
     if reasons:
         parts.append(facts(reason, reasons, f"Costs and savings are in the {UNIT}."))
@@ -219,7 +222,9 @@ def _lessons(
         first = break_even[0] if break_even else {}
         near = cell(first.get("pays_below"))
         parts.append(
-            "<p>No lesson pays" + (f"; {cell(first.get('lesson'))} would below {near}." if first else ".") + "</p>"
+            f"<p>No lesson pays{' within the limits' if shop.is_limited else ''}"
+            + (f"; {cell(first.get('lesson'))} would below {near}." if first else ".")
+            + "</p>"
         )
     if break_even:
         parts.append("<h3>Lessons that are not given</h3>")

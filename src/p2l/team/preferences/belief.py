@@ -19,6 +19,7 @@ from p2l.team.preferences.record import CostPrior, Kinds, Preferences
 from p2l.team.shop import Shop
 
 POINTS = 7  # of a distribution
+MOST_POINTS = 1000  # of a belief; there is a plan for each, and a table of each pair
 _SAME = 1e-9  # relative difference up to which two costs are one
 
 
@@ -36,7 +37,7 @@ def lognormal_prior(mean: float, sd: float, points: int = POINTS) -> CostPrior:
     """A lognormal belief; `sd` 0 is certainty.
 
     Raises:
-        ConfigError: a mean or a standard deviation below 0, the latter without a mean; no points.
+        ConfigError: a mean or a standard deviation below 0, the latter without a mean; no points, or too many.
     """
     if _is_certain(mean, sd, points):
         return CostPrior(np.array([mean]), np.ones(1), closed=False)
@@ -109,8 +110,8 @@ def expected_shop(shop: Shop, preferences: Preferences) -> Shop:
 def _is_certain(mean: float, sd: float, points: int) -> bool:
     if not 0.0 <= mean <= LARGEST or not 0.0 <= sd <= LARGEST or (mean == 0.0 < sd):
         raise ConfigError(f"mean {mean:g} with sd {sd:g}; a cost is at least 0, and one whose mean is 0 has no spread")
-    if points < 1:
-        raise ConfigError(f"points: {points} given; expected at least 1")
+    if not 1 <= points <= MOST_POINTS:
+        raise ConfigError(f"points: {points} given; expected 1 to {MOST_POINTS}")
     return sd == 0.0
 
 

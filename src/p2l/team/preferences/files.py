@@ -19,7 +19,7 @@ import numpy as np
 from p2l.errors import ConfigError, InputError
 from p2l.team.cells import LARGEST, quoted
 from p2l.team.columns import check_name, known_columns, likeness
-from p2l.team.preferences.belief import after_answer, gamma_prior, listed_prior, lognormal_prior
+from p2l.team.preferences.belief import MOST_POINTS, after_answer, gamma_prior, listed_prior, lognormal_prior
 from p2l.team.preferences.record import CostPrior, Preferences
 from p2l.team.sheets import Sheet, number, probability, read_sheet
 from p2l.team.shop import Shop
@@ -184,6 +184,9 @@ def _by_cost(sheet: Sheet, at: dict[str, int], names: Sequence[str], _: int) -> 
         of_family[cost] = probability(sheet, line, column, cells[at["probability"]])
     beliefs = {}
     for name, of_family in costs.items():
+        if len(of_family) > MOST_POINTS:
+            problem = f"family '{name}' has {len(of_family)} costs; give at most {MOST_POINTS}"
+            raise InputError.at(sheet.name, first[name], sheet.header[at["cost"]], problem)
         total = math.fsum(of_family.values())
         if abs(total - 1.0) > _SUM:
             problem = f"probabilities of family '{name}' sum to {total:.6g}; they have to sum to 1"

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from p2l.team.problem import Decision
-from p2l.team.shop.reasons import BreakEven, LessonReason, Reasons
+from p2l.team.shop.reasons import SAME, BreakEven, LessonReason, Reasons, tells_costs
 from p2l.team.shop.record import Shop, ShopPlan
 from p2l.text import printable
 
@@ -28,7 +28,8 @@ def explain_shop(shop: Shop, plan: ShopPlan, reasons: Reasons) -> str:
     lines = [f"Expected cost {plan.objective:,.1f} ({proof_of(plan)}); {without}. {counts}."]
     if reasons.lessons:
         robot = ("robot",) if len(shop.robots) > 1 else ()
-        header = ("lesson", *robot, "costs", "pays for", "saving", "others kept fixed", "given up to")
+        up_to = ("given up to",) if tells_costs(shop) else ()
+        header = ("lesson", *robot, "costs", "pays for", "saving", "others kept fixed", *up_to)
         lines.append(aligned([header, *(_row(shop, each) for each in reasons.lessons)], names=(0, 2 + len(robot))))
     if reasons.not_given:
         near = ", ".join(_near(shop, each) for each in reasons.not_given[:_NEAR])
@@ -38,7 +39,7 @@ def explain_shop(shop: Shop, plan: ShopPlan, reasons: Reasons) -> str:
             + (f", and {rest} more in reasons.csv." if rest > 0 else ".")
         )
     elif not reasons.lessons:
-        lines.append("No lesson pays for itself.")
+        lines.append(_none_given(shop, plan, reasons))
     if reasons.unknown:
         lines.append(f"There was no time to solve again for {reasons.unknown} lessons; give more with reasons_s=….")
     return "\n".join(lines)
@@ -54,7 +55,7 @@ def reason_rows(shop: Shop, reasons: Reasons) -> list[dict[str, Any]]:
             "serves": served(shop, each, most=len(each.serves)),
             "saving_resolved": each.saving,
             "saving_others_fixed": each.saving_others_fixed,
-            "stays_up_to": each.stays_up_to,
+            "stays_up_to": None if math.isnan(each.stays_up_to) else each.stays_up_to,
         }
         for each in reasons.lessons
     ]
@@ -103,8 +104,28 @@ def tasks_of(shop: Shop, reason: LessonReason) -> list[str]:
 def _row(shop: Shop, reason: LessonReason) -> tuple[str, ...]:
     robot = (printable(shop.robots[reason.robot], lines=False),) if len(shop.robots) > 1 else ()
     name = printable(shop.lessons[reason.lesson], lines=False)
-    numbers = (reason.saving, reason.saving_others_fixed, reason.stays_up_to)
+    up_to = (reason.stays_up_to,) if tells_costs(shop) else ()
+    numbers = (reason.saving, reason.saving_others_fixed, *up_to)
     return (name, *robot, f"{reason.c_demo:,.1f}", served(shop, reason), *map(_amount, numbers))
+
+
+def _none_given(shop: Shop, plan: ShopPlan, reasons: Reasons) -> str:
+    if not shop.is_limited:
+        return "No lesson pays for itself."
+    limits = limits_of(shop)
+    if math.isnan(reasons.without_limits):
+        return f"No lesson pays within {limits}; there was no time to find out whether one does without."
+    if plan.objective - reasons.without_limits <= SAME * plan.objective:
+        return f"No lesson pays for itself, without {limits} neither."
+    return (
+        f"No lesson is given because of {limits}: without, some pay, and the day costs {reasons.without_limits:,.1f}."
+    )
+
+
+def limits_of(shop: Shop) -> str:
+    """The limits on lessons as they were given."""
+    given = (("max_lessons", shop.max_lessons), ("max_teaching", shop.max_teaching))
+    return " and ".join(f"{name}={value:g}" for name, value in given if math.isfinite(value))
 
 
 def _near(shop: Shop, other: BreakEven) -> str:

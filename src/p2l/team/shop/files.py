@@ -6,6 +6,7 @@ import csv
 import io
 import json
 import math
+import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Literal, cast
@@ -181,7 +182,10 @@ def read_shop_plan(folder: Path | str, shop: Shop, extra: Mapping[str, tuple[str
         for name, truth in _summed_up(shop, plan).items():
             if summary[name] != truth:
                 raise ValueError(f"its '{name}' is not what these tasks and its decisions give")
-    except (KeyError, ValueError, TypeError, AttributeError, IndexError, ShapeError, OverflowError) as error:
+    except IndexError as error:
+        what = "it names tasks, robots or lessons by numbers that there are not"
+        raise InputError.at(out / SUMMARY, None, None, f"is no plan of these tasks ({what}); plan again") from error
+    except (KeyError, ValueError, TypeError, AttributeError, ShapeError, OverflowError) as error:
         raise InputError.at(out / SUMMARY, None, None, f"is no plan of these tasks ({error}); plan again") from error
     check_table(out, table_text(shop, plan, extra))
     return plan
@@ -228,10 +232,12 @@ def settings_of(folder: Path | str) -> tuple[Literal["fixed", "any"], float | No
     """
     summary = read_summary(Path(folder))
     limits = [summary.get(name) for name in ("max_lessons", "max_teaching")]
-    numbers = [each is None or (isinstance(each, (int, float)) and each >= 0.0) for each in limits]
+    largest = sys.float_info.max  # an integer of a file may be more
+    numbers = [each is None or (isinstance(each, (int, float)) and 0.0 <= each <= largest) for each in limits]
     if summary["order"] not in SHOP_ORDERS or not all(numbers):
         raise ArtifactError(f"{Path(folder) / SUMMARY}: its order or its limits are unknown; plan again")
-    return "any" if summary["order"] == "any" else "fixed", limits[0], limits[1]
+    lessons, teaching = (None if each is None else float(each) for each in limits)
+    return "any" if summary["order"] == "any" else "fixed", lessons, teaching
 
 
 def _summed_up(shop: Shop, plan: ShopPlan) -> dict[str, Any]:

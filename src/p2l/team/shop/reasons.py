@@ -19,7 +19,7 @@ from p2l.team.shop.outcome import shop_outcome
 from p2l.team.shop.planner import plan_shop
 from p2l.team.shop.record import Shop, ShopPlan
 
-_ZERO = 1e-9  # relative to the plan's cost: savings below it are rounding
+SAME = 1e-9  # relative to the plan's cost: savings below it are rounding
 
 
 @dataclass(frozen=True)
@@ -34,6 +34,7 @@ class LessonReason:
         saving: optimum without it minus the plan's cost; infinite where nothing can be done without it, NaN where there
             was no time to find out.
         saving_others_fixed: the same with all other lessons, and the order of work, as they are.
+        stays_up_to: cost up to which an optimal plan has it; NaN where that is not known, and with `max_teaching`.
     """
 
     lesson: int
@@ -42,16 +43,12 @@ class LessonReason:
     serves: IntArray
     saving: float
     saving_others_fixed: float
-
-    @property
-    def stays_up_to(self) -> float:
-        """Cost up to which an optimal plan has it."""
-        return self.c_demo + self.saving
+    stays_up_to: float
 
 
 @dataclass(frozen=True)
 class BreakEven:
-    """A lesson that is not given: `below` this cost an optimal plan has it; 0 if it does not pay at all."""
+    """A lesson that can be given and is not: `below` this cost an optimal plan has it; 0 if it does not pay at all."""
 
     lesson: int
     robot: int
@@ -68,18 +65,22 @@ class Reasons:
         lessons: of the plan.
         not_given: lessons that a lower cost would bring into the plan, the one that is nearest to it first.
         unknown: lessons that there was no time for.
+        without_limits: optimum without the limits on lessons, where they leave none; NaN if that was not asked for, or
+            is not known.
     """
 
     alone: float
     lessons: tuple[LessonReason, ...]
     not_given: tuple[BreakEven, ...]
     unknown: int
+    without_limits: float = math.nan
 
 
 def reasons_of(shop: Shop, plan: ShopPlan, *, time_limit_s: float = 10.0) -> Reasons:
-    """Solve the shop again without each lesson, and with each of the others for free.
+    """Solve the shop again without each lesson, and with each of the others that can be given for free.
 
-    With `max_teaching`, a lesson's cost also counts against the limit, and only savings are told.
+    With `max_teaching`, a lesson's cost also counts against the limit: the dearer it is, the less is left for others.
+    The optimum is then not concave in it, one more solution does not say up to where, and only savings are told.
 
     Args:
         shop: the day.
@@ -92,16 +93,25 @@ def reasons_of(shop: Shop, plan: ShopPlan, *, time_limit_s: float = 10.0) -> Rea
     lessons = [_lesson(shop, plan, lesson, robot, deadline) for lesson, robot in plan.taught.tolist()]
     unknown = sum(math.isnan(each.saving) for each in lessons)
     others: list[BreakEven] = []
-    if math.isinf(shop.max_teaching):
+    if tells_costs(shop):
         given = set(plan.taught[:, 0].tolist())
-        for lesson in (each for each in range(len(shop.lessons)) if each not in given):
+        can_teach = np.flatnonzero(np.isfinite(shop.c_demo).any(axis=0)).tolist()
+        for lesson in (each for each in can_teach if each not in given):
             below = _below(shop, plan, lesson, deadline)
             if below is None:
                 unknown += 1
-            elif below.below > _ZERO * plan.objective:
+            elif below.below > SAME * plan.objective:
                 others.append(below)
-    others.sort(key=lambda each: (each.c_demo - each.below if math.isfinite(each.c_demo) else math.inf, -each.below))
-    return Reasons(alone, tuple(lessons), tuple(others), unknown)
+    others.sort(key=lambda each: (each.c_demo - each.below, -each.below))
+    free = math.nan
+    if not lessons and shop.is_limited:
+        free = _optimum(replace(shop, max_lessons=math.inf, max_teaching=math.inf), deadline)
+    return Reasons(alone, tuple(lessons), tuple(others), unknown, free)
+
+
+def tells_costs(shop: Shop) -> bool:
+    """Whether it can be told up to which cost lessons are given."""
+    return math.isinf(shop.max_teaching)
 
 
 def _lesson(shop: Shop, plan: ShopPlan, lesson: int, robot: int, deadline: float) -> LessonReason:
@@ -113,14 +123,15 @@ def _lesson(shop: Shop, plan: ShopPlan, lesson: int, robot: int, deadline: float
         fixed = math.inf
     c_demo = shop.c_demo.copy()
     c_demo[robot, lesson] = np.inf
-    saving = _optimum(replace(shop, c_demo=c_demo), deadline) - plan.objective
-    return LessonReason(lesson, robot, float(shop.c_demo[robot, lesson]), serves, _sound(saving, plan), fixed)
+    saving = _sound(_optimum(replace(shop, c_demo=c_demo), deadline) - plan.objective, plan)
+    cost = float(shop.c_demo[robot, lesson])
+    return LessonReason(lesson, robot, cost, serves, saving, fixed, cost + saving if tells_costs(shop) else math.nan)
 
 
 def _below(shop: Shop, plan: ShopPlan, lesson: int, deadline: float) -> BreakEven | None:
-    """For the robot to which it would be given first; None if there is no time."""
+    """For the robot to which it would be given first, of those to which it can be; None if there is no time."""
     best: BreakEven | None = None
-    for robot in range(len(shop.robots)):
+    for robot in np.flatnonzero(np.isfinite(shop.c_demo[:, lesson])).tolist():
         c_demo = shop.c_demo.copy()
         c_demo[robot, lesson] = 0.0
         below = _sound(plan.objective - _optimum(replace(shop, c_demo=c_demo), deadline), plan)
@@ -132,7 +143,7 @@ def _below(shop: Shop, plan: ShopPlan, lesson: int, deadline: float) -> BreakEve
 
 
 def _sound(difference: float, plan: ShopPlan) -> float:
-    return 0.0 if abs(difference) <= _ZERO * plan.objective else difference
+    return 0.0 if abs(difference) <= SAME * plan.objective else difference
 
 
 def _optimum(shop: Shop, deadline: float) -> float:

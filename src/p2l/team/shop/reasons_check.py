@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from p2l.errors import ArtifactError, InputError
 from p2l.team.shop.files import REASONS, SUMMARY, UNKNOWN, WITHOUT, read_summary, reasons_text
-from p2l.team.shop.reasons import reasons_of
+from p2l.team.shop.reasons import reasons_of, tells_costs
 from p2l.team.shop.record import Shop, ShopPlan
 
 _KEY = ("lesson", "robot", "given")
@@ -53,8 +53,11 @@ def check_reasons(folder: Path | str, shop: Shop, plan: ShopPlan, *, time_limit_
     counts = [_without_lessons(path.with_name(SUMMARY), summary, fresh.alone, was_whole, slack)]
     for key, (line, row) in written.items():
         if key in truth:
+            if row["given_below"] and not tells_costs(shop):
+                problem = f"'{row['given_below']}' is there, and with max_teaching that is not told; plan again"
+                raise InputError.at(path, line, "given_below", problem)
             counts.append(_compared(path, line, row, truth[key][1], slack))
-        elif key[2] == "yes" or (is_whole and not _is_nothing(row, slack)):
+        elif key[2] == "yes" or not tells_costs(shop) or (is_whole and not _is_nothing(row, slack)):
             raise InputError.at(path, line, "lesson", f"'{key[0]}' is no such lesson of this plan; plan again")
     for key, (_, row) in truth.items():
         if key not in written and (key[2] == "yes" or (was_whole and not _is_nothing(row, slack))):

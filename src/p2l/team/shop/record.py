@@ -52,7 +52,7 @@ class Shop:
         count: [n] copies of each task, at least 1.
         c_hum: [n] cost of handing one copy to the person; infinite where the person cannot.
         c_rob: [R, n] cost of an attempt; infinite where the robot cannot.
-        c_fail: [R, n] cost of a failed attempt, on top of the attempt.
+        c_fail: [R, n] cost of a failed attempt on top of the attempt, the person's doing the task after it included.
         pretrained: [R, n] success probability of the skills that a robot has.
         c_demo: [R, L] cost of teaching a lesson to a robot; infinite where it cannot be taught.
         transfer: [R, L, n] success probability on a task after a lesson to the robot that attempts it. A lesson's own
@@ -146,6 +146,11 @@ class Shop:
         return self.before
 
     @property
+    def is_limited(self) -> bool:
+        """Whether the number of lessons or the cost of them is limited."""
+        return math.isfinite(self.max_lessons) or math.isfinite(self.max_teaching)
+
+    @property
     def groups(self) -> tuple[IntArray, IntArray]:
         """[G] task and [G] size of the groups of copies that are treated alike.
 
@@ -179,7 +184,7 @@ class Shop:
         plain = len(self.robots) == 1 and len(self.lessons) == self.n and self.order != "partial"
         plain = plain and bool((self.completes == np.arange(self.n)).all() and (self.count == 1).all())
         plain = plain and bool((self.choice == Ruling.FREE).all())
-        if not plain or math.isfinite(self.max_lessons) or math.isfinite(self.max_teaching):
+        if not plain or self.is_limited:
             return None
         order: Literal["fixed", "any"] = "any" if self.order == "any" else "fixed"
         return Problem(

@@ -50,8 +50,9 @@ def read_robots(sheet: Sheet | None, orders: Orders, lessons: Mapping[str, float
 
     Args:
         sheet: columns `robot`, optionally `task` (empty for all), and any of `c_rob,c_fail,c_demo,pretrained,
-            teachable,skill`; an empty cell replaces nothing. A row with a task wins over one without. None stands for
-            one robot, as the orders say.
+            teachable,skill`; an empty cell replaces nothing. A row with a task wins over one without, which does not
+            make possible what the orders rule out (an infinite cost, `teachable=no`). None stands for one robot, as
+            the orders say.
         orders: of today.
         lessons: cost of a demonstration of each lesson that is on no task, NaN where it is not known.
 
@@ -127,8 +128,18 @@ def _replace(
             target = values[what][robot]
             if name:
                 target[place[name]] = value
-            else:  # a lesson whose cost nobody knows stays one, or a large catalogue would come in with a robot
-                target[~np.isnan(target)] = value
+            else:
+                target[_open(what, target)] = value
+
+
+def _open(what: str, values: Array) -> BoolArray:
+    """Tasks for which a row without a task may say something: what the orders rule out takes a row of its own.
+
+    A lesson whose cost nobody knows stays one, too, or a large catalogue would come in with a robot.
+    """
+    if what == "teachable":
+        return np.asarray(values > 0.0)
+    return np.isfinite(values)
 
 
 def read_before(sheet: Sheet, tasks: tuple[str, ...]) -> IntArray:

@@ -12,6 +12,7 @@ import numpy as np
 from p2l.errors import ConfigError, InputError, ShapeError
 from p2l.records import Array, IntArray
 from p2l.team.sheets import Sheet, check_standard_input, read_sheet
+from p2l.team.shop.cautions import cheap_failures, failure_remarks
 from p2l.team.shop.orders import Orders, read_orders
 from p2l.team.shop.possible import refuse_impossible
 from p2l.team.shop.reading import Filling, ShopReading, shop_of_orders
@@ -129,6 +130,9 @@ def read_two_stage(
     _refuse_impossible(program, types)
     if types is not today and bool((types.count != 1).any()):
         remarks = (*remarks, f"count is not read in {types.name}; scenarios or forecast say how many come")
+    cheap = cheap_failures(shop.tasks, shop.c_hum, shop.c_rob, shop.c_fail)
+    cheap += cheap_failures(program.types, program.c_hum, program.c_rob, program.c_fail)
+    remarks = (*remarks, *failure_remarks(cheap))
     return TwoStageReading(program, replace(both, shop=shop, extra=today.extra, remarks=remarks), names, forecast)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from p2l.errors import ConfigError, SolverError
 from p2l.records import IntArray
 from p2l.team.plan_files import proof_text
-from p2l.team.shop.explain import aligned
+from p2l.team.shop.explain import aligned, limits_of
 from p2l.team.shop.record import Shop
 from p2l.team.tomorrow.outcome import tomorrow_outcome
 from p2l.team.tomorrow.planner import plan_two_stage
@@ -131,7 +131,8 @@ def explain_two_stage(
         names = (0, 1, 3, 4) if not robot else (0, 1, 2, 4, 5)
         lines.append(aligned([header, *rows], names))
     else:
-        lines.append("No lesson pays, neither today nor tomorrow.")
+        within = f" within {limits_of(program.today)}" if program.today.is_limited else ""
+        lines.append(f"No lesson pays{within}, neither today nor tomorrow.")
     if (rest := len(reasons.later) - _ROWS) > 0:
         lines.append(f"{rest} more that may pay tomorrow in tomorrow.csv.")
     if program.commit == "all":
