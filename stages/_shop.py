@@ -8,21 +8,23 @@ from typing import Literal
 
 import numpy as np
 
-from p2l.errors import ConfigError, InputError
+from p2l.errors import ArtifactError, ConfigError, InputError, P2LError, SolverError
 from p2l.records import Array
 from p2l.schema import AskConfig, CheckPlanConfig, PlanConfig
 from p2l.team.certificate import Verdict
 from p2l.team.columns import likeness
 from p2l.team.planners import plan
+from p2l.team.routes import PLANNERS
 from p2l.team.sheets import check_standard_input
 from p2l.team.shop import Shop, ShopPlan, check_shop_plan, plan_shop
 from p2l.team.shop.cautions import shop_cautions
+from p2l.team.shop.difference import difference_of
 from p2l.team.shop.explain import break_even_rows, explain_shop, reason_rows
 from p2l.team.shop.files import check_shop_place, of_plan, read_shop_plan, settings_of, write_shop_plan
 from p2l.team.shop.reading import Filling, ShopReading, read_shop
 from p2l.team.shop.reasons import reasons_of
 from p2l.team.shop.reasons_check import check_reasons
-from p2l.team.shop.saved import save_shop
+from p2l.team.shop.saved import load_shop, save_shop
 from p2l.tracking import Tracker
 
 Order = Literal["fixed", "any"]
@@ -59,6 +61,7 @@ def plan_own_tasks(cfg: PlanConfig, out: Path, track: Tracker) -> None:
     from p2l.evaluation.team.page import PageContent, write_page
     from p2l.evaluation.team.shop_figure import save_shop_figure
 
+    PLANNERS.check(cfg.planner)
     inputs = [path for path in (cfg.tasks, cfg.transfer, *cfg.files) if path is not None]
     check_shop_place(out, inputs)
     reading = read_own_tasks(cfg, cfg.order or "fixed", cfg.max_lessons, cfg.max_teaching)
@@ -84,9 +87,16 @@ def plan_own_tasks(cfg: PlanConfig, out: Path, track: Tracker) -> None:
 
 def check_today(cfg: CheckPlanConfig) -> tuple[Verdict, str, list[str]]:
     """What was recomputed, of what, and what else was found to be so."""
+    reading = read_own_tasks(cfg, *settings_of(cfg.plan))
+    try:
+        return _checked(cfg, reading)
+    except P2LError as error:
+        raise _told_better(cfg.plan, reading, error) from error
+
+
+def _checked(cfg: CheckPlanConfig, reading: ShopReading) -> tuple[Verdict, str, list[str]]:
     from p2l.evaluation.team.page import check_page
 
-    reading = read_own_tasks(cfg, *settings_of(cfg.plan))
     shop = reading.shop
     day = read_shop_plan(cfg.plan, shop, reading.extra)
     verdict = check_shop_plan(shop, day)
@@ -96,6 +106,16 @@ def check_today(cfg: CheckPlanConfig) -> tuple[Verdict, str, list[str]]:
         rest = f"; {reasons.unknown} were not, for want of time (reasons_s=…)" if reasons.unknown else ""
         notes.append(f"reasons.csv: {reasons.compared} numbers solved for again, all are the same{rest}.")
     return verdict, f"{int(shop.count.sum())} tasks, order {shop.order}", notes
+
+
+def _told_better(folder: Path, reading: ShopReading, error: P2LError) -> P2LError:
+    """The error, or, where the plan was made for other tables, that it was."""
+    way = "give the tables that it was made from, or plan again"
+    try:
+        what = difference_of(load_shop(folder), reading.saved)
+    except ArtifactError:  # `ask` writes none
+        return SolverError(f"{error}; if the tables are others: {way}") if isinstance(error, SolverError) else error
+    return error if what is None else InputError(f"plan={folder}: was made from other tables: {what}; {way}")
 
 
 def _plan(cfg: PlanConfig, shop: Shop) -> ShopPlan:

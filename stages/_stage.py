@@ -41,9 +41,9 @@ from p2l.schema import StageConfig, paths_of, resolve, validate
 from p2l.text import printable
 from p2l.tracking import RUN_FILE, RunCard, Tracker, safe_uri, start
 from stages import ROOT, begin
-from stages._decimals import told_apart
 from stages._place import CONFIG_FILE, LOG_FILE, NOTE_FILE, claim, clear, release
 from stages._stdout import listen
+from stages._wording import told_apart
 
 ConfigT = TypeVar("ConfigT", bound=StageConfig)
 StageFunction = Callable[[ConfigT, Path, Tracker], None]
@@ -95,18 +95,18 @@ def stage(
 
         @functools.wraps(function)
         def main() -> None:
-            sys.exit(_command_line(name, paths_of(schema) | {"hydra.run.dir"}, entry))
+            sys.exit(_command_line(name, schema, entry))
 
         return main
 
     return decorate
 
 
-def _command_line(name: str, paths: frozenset[str], entry: Callable[[], Any]) -> int:
-    """Run Hydra on the command line, where `paths` are the keys of files and folders; returns the exit code."""
+def _command_line(name: str, schema: type[StageConfig], entry: Callable[[], Any]) -> int:
+    """Run Hydra on the command line; returns the exit code."""
     os.environ["HYDRA_FULL_ERROR"] = "1"  # else Hydra reports errors in its own way and exits with 1
     command = safe_uri(shlex.join(["python", "-m", f"stages.{name}", *sys.argv[1:]]))
-    sys.argv[1:] = _arguments(sys.argv[1:], paths)
+    sys.argv[1:] = _arguments(sys.argv[1:], paths_of(schema) | {"hydra.run.dir"})
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # an ASCII terminal is no reason to fail after the work is done
             stream.reconfigure(errors="backslashreplace")
@@ -123,7 +123,8 @@ def _command_line(name: str, paths: frozenset[str], entry: Callable[[], Any]) ->
         print(f"stage {name}: stopped by {by}. To run it again:\n  {command}", file=sys.stderr)
         return code
     except (HydraException, OmegaConfBaseException, YAMLError, ValueError, OSError) as error:  # a job reports its own
-        print(f"stage {name}: {printable(_one_message(error))}\nSee `python -m stages.{name} --help`.", file=sys.stderr)
+        told = printable(_one_message(told_apart(error, schema)))
+        print(f"stage {name}: {told}\nSee `python -m stages.{name} --help`.", file=sys.stderr)
         return P2LError.exit_code
     return 0
 
@@ -161,7 +162,7 @@ def _plain_path(word: str, paths: frozenset[str]) -> str:
 
 
 def _one_message(error: BaseException) -> str:
-    lines = [line.strip() for line in str(told_apart(error)).splitlines() if line.strip()]
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
     if error.__cause__ is not None and (cause := str(error.__cause__).splitlines()):
         lines.append(f"({cause[0]})")
     return "\n  ".join(dict.fromkeys(lines))

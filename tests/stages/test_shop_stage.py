@@ -241,3 +241,58 @@ def test_a_failure_that_is_cheaper_than_handing_over_is_named_and_changes_nothin
     words = ("tasks=cheap.csv", "transfer=transfer.csv", "fill=0", "tomorrow=then.csv", "scenarios=future.csv")
     code, told = stage("plan", *words, out="both")
     assert "at 'gear', 'lid'; c_fail has to hold" in told.out
+
+
+CHANGES = [
+    ("orders", ("gear;10;100;100;120", "gear;10;99,5;100;120"), "c_hum of 'gear' is 99.5, and was 100"),
+    ("orders", ("gear;10;100;100;120", "gear;10;100;100;121"), "c_demo of 'gear' (Panda) is 121, and was 120"),
+    ("orders", ("lid;10;100;100;200;5", "lid;10;100;100;200;4"), "count of 'lid' is 4, and was 5"),
+    ("orders", (";;C", ";;X"), "other cells in 'Bay'"),
+    ("orders", ("cog;10", "dog;10"), "tasks: 'cog' missing, 'dog' new"),
+    (
+        "transfer",
+        ("gear,lid,0.9", "gear,lid,0.8"),
+        "transfer of a lesson on 'gear' to 'lid' (Panda) is 0.8, and was 0.9",
+    ),
+    ("before", ("lid,nut", "nut,gear"), "the partial order (before=…) has other rows"),
+]
+
+
+@pytest.mark.parametrize(("name", "change", "what"), CHANGES)
+def test_a_plan_of_other_tables_is_told_by_what_is_other(stage, tmp_path, name, change, what):
+    assert stage("plan", *OWN, *ALL)[0] == 0
+    text = FILES[name].replace(*change)
+    assert text != FILES[name]
+    (tmp_path / f"{name}.csv").write_text(text, encoding="utf-8")
+    if "dog" in text:
+        (tmp_path / "transfer.csv").write_text(TRANSFER.replace("cog", "dog"), encoding="utf-8")
+    code, told = stage("check_plan", *OWN, *ALL, "plan=out", out="check")
+    assert code == 2
+    assert f"stage check_plan: plan=out: was made from other tables: {what}; give the tables" in told.err
+
+
+def test_a_plan_of_several_robots_is_not_one_of_a_single_one(stage):
+    """`tuple index out of range` it said."""
+    assert stage("plan", *OWN, *ALL)[0] == 0
+    code, told = stage("check_plan", *OWN, "before=before.csv", "fill=0", "plan=out", out="check")
+    assert (code, "robots: 'Panda', 'Ada' missing, 'robot' new" in told.err) == (2, True)
+
+
+def test_an_unknown_planner_is_that_before_it_is_one_that_cannot(stage):
+    code, told = stage("plan", *OWN, "fill=0", "planner=foo")
+    assert (code, "unknown planner 'foo'; known: ad, alm, auto" in told.err) == (2, True)
+
+
+def test_a_key_that_there_is_not_is_told_with_the_one_that_is_meant(stage):
+    code, told = stage("plan", *OWN, "fill=0", "foercast=x.csv")
+    assert code == 2
+    assert "stage plan: foercast: unknown key; did you mean 'forecast'? allowed: before, commit" in told.err
+    assert "+foercast" not in told.err
+    assert "domain.nme: unknown key; did you mean 'name'?" in stage("plan", "domain.nme=lego")[1].err
+    assert "+domain.params.taps" in stage("plan", "domain.params.taps=3")[1].err  # which may be there
+
+
+def test_a_folder_that_is_a_file_is_called_so(stage, tmp_path):
+    for out, what in (("orders.csv", "is a file"), ("orders.csv/in", "is in a file")):
+        code, told = stage("plan", *OWN, "fill=0", out=out)
+        assert (code, f"{out}: {what}; give a folder" in told.err, "Errno" in told.err) == (2, True, False)

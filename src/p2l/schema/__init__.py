@@ -11,7 +11,7 @@ import importlib
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
-from p2l.schema.base import ArchivedStageConfig, StageConfig, paths_of, resolve, validate
+from p2l.schema.base import ArchivedStageConfig, StageConfig, paths_of, resolve, unknown_key, validate
 
 if TYPE_CHECKING:
     from p2l.schema.chains import ChainRecoveriesConfig, EvaluateChainsConfig, ExportConfig
@@ -108,5 +108,6 @@ __all__ = [
     "WatchConfig",
     "paths_of",
     "resolve",
+    "unknown_key",
     "validate",
 ]

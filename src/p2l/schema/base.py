@@ -196,16 +196,32 @@ def validate(data: Mapping[str, Any], model: type[ModelT], where: str) -> ModelT
     raise ConfigError("\n  ".join([f"{where} refused:", *lines]))
 
 
+def unknown_key(key: str, model: type[BaseModel]) -> str | None:
+    """What to say of a key (dotted) that a schema does not know; None where it knows it, or leaves it open."""
+    for part in key.split("."):
+        field = model.model_fields.get(part)
+        if field is None:
+            return f"{key}: {_unknown(part, model)}"
+        if not (isinstance(field.annotation, type) and issubclass(field.annotation, BaseModel)):
+            return None
+        model = field.annotation
+    return None
+
+
+def _unknown(name: str, model: type[BaseModel]) -> str:
+    keys = sorted(model.model_fields)
+    close = get_close_matches(name, keys, n=1)
+    hint = f"did you mean '{close[0]}'? " if close else ""
+    return f"unknown key; {hint}allowed: {', '.join(keys)}"
+
+
 def _line(problem: Mapping[str, Any], model: type[BaseModel]) -> str:
     place = tuple(problem["loc"])
     key = ".".join(str(part) for part in place) or "configuration"
     value = str(problem["input"])
     value = value if len(value) <= 80 else value[:77] + "..."
     if problem["type"] == "extra_forbidden":
-        keys = sorted(_section(model, place[:-1]).model_fields)
-        close = get_close_matches(str(place[-1]), keys, n=1)
-        hint = f"did you mean '{close[0]}'? " if close else ""
-        return f"{key}: unknown key; {hint}allowed: {', '.join(keys)}"
+        return f"{key}: {_unknown(str(place[-1]), _section(model, place[:-1]))}"
     message = str(problem["msg"]).removeprefix("Value error, ")
     if problem["type"] == "missing":
         return f"{key}: missing"

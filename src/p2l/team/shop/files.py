@@ -179,7 +179,10 @@ def read_shop_plan(folder: Path | str, shop: Shop, extra: Mapping[str, tuple[str
         for name, truth in _summed_up(shop, plan).items():
             if summary[name] != truth:
                 raise ValueError(f"its '{name}' is not what these tasks and its decisions give")
-    except (KeyError, ValueError, TypeError, AttributeError, IndexError, ShapeError, OverflowError) as error:
+    except IndexError as error:
+        what = "it names tasks, robots or lessons by numbers that there are not"
+        raise InputError.at(out / SUMMARY, None, None, f"is no plan of these tasks ({what}); plan again") from error
+    except (KeyError, ValueError, TypeError, AttributeError, ShapeError, OverflowError) as error:
         raise InputError.at(out / SUMMARY, None, None, f"is no plan of these tasks ({error}); plan again") from error
     try:
         text = (out / TABLE).read_bytes().decode()  # line breaks in a person's cells stay as they are
