@@ -90,7 +90,7 @@ def check_today(cfg: CheckPlanConfig) -> tuple[Verdict, str, list[str]]:
     reading = read_own_tasks(cfg, *settings_of(cfg.plan))
     try:
         return _checked(cfg, reading)
-    except (ArtifactError, InputError, SolverError) as error:
+    except P2LError as error:
         raise _told_better(cfg.plan, reading, error) from error
 
 
