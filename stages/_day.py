@@ -12,8 +12,8 @@ from p2l.artifacts import write_text
 from p2l.errors import InputError
 from p2l.team.day import Day, Event, change_of, explain_change, next_step
 from p2l.team.day.change import way
-from p2l.team.day.entries import DayEntry, replay
-from p2l.team.day.files import DayFile, append_event, restore
+from p2l.team.day.entries import COLUMNS, DayEntry, cells_of, replay
+from p2l.team.day.files import DAY, DayFile, append_event, restore
 from p2l.team.day.progress import PROGRESS, append_progress, day_after, first_digest, read_progress
 from p2l.team.day.record import ALLOWED
 from p2l.team.problem import Decision
@@ -57,16 +57,22 @@ class Walk:
             print(f"{len(self.day.events)} outcomes are in {self.path}. {self._costs()}")
 
     def enter(self, entries: Iterable[DayEntry], name: str) -> None:
-        """Enter rows of a person's own; those that are in `day.csv` already are skipped if they have their step.
+        """Enter the rows of a person's own table but for those that have their step and are in `day.csv` already.
 
         Raises:
-            InputError: a row that cannot be; those before it are entered.
+            InputError: a row that cannot be, or is not as in `day.csv`; then none is entered, so that the table may be
+                corrected and given again.
         """
-        done = len(self.day.events)
-        for entry in entries:
-            if entry["step"].isdecimal() and 0 < int(entry["step"]) <= done:
-                continue
-            self._enter(entry, name)
+        done, days = len(self.day.events), [self.day]
+        try:
+            rows = [entry for entry in entries if not self._is_there(entry, name, done)]
+            _, _, problem = replay(self.day, rows, name, lambda _, after: days.append(after))
+            if problem is not None:
+                raise problem
+        except InputError as error:
+            raise InputError(f"{error}. No row of the table is entered") from error
+        for after in days[1:]:
+            self._enter(after)
 
     def ask(self) -> None:
         """Ask for one outcome after another until all is done, the person stops, or nothing more comes."""
@@ -81,10 +87,11 @@ class Walk:
                 print(_HELP)
                 continue
             cells = _cells(text, step.decision)
-            try:
-                self._enter(DayEntry(len(self.day.events) + 1, cells), "typed")
-            except InputError as error:
-                print(f"{printable(str(error))}. Nothing is entered.")
+            after, _, problem = replay(self.day, [DayEntry(len(self.day.events) + 1, cells)], "typed")
+            if problem is not None:
+                print(f"{printable(str(problem))}. Nothing is entered.")
+            else:
+                self._enter(after)
 
     def write_rest(self) -> None:
         """Write the plan for the rest, and what every outcome has changed."""
@@ -111,11 +118,23 @@ class Walk:
         tasks = "1 task is" if left == 1 else f"{left} tasks are"
         return f"{tasks} left after {len(day.events)} outcomes. {self._costs()}"
 
-    def _enter(self, entry: DayEntry, name: str) -> None:
+    def _is_there(self, entry: DayEntry, name: str, done: int) -> bool:
+        """Whether a row tells a step that is in `day.csv`, as it stands there."""
+        if not entry["step"].isdecimal() or not 0 < int(entry["step"]) <= done:
+            return False
+        number = int(entry["step"])
+        there = DayEntry(0, cells_of(self.day.shop, self.day.events[number - 1], number, self.key))
+        for column in COLUMNS[1:-2]:
+            given, known = (" ".join(each[column].casefold().split()) for each in (entry, there))
+            if given not in ("", known):
+                problem = (
+                    f"'{entry[column]}' given, and {DAY} has '{there[column]}' in step {number}; correct one of them"
+                )
+                raise InputError.at(name, entry.line, column, problem)
+        return True
+
+    def _enter(self, after: Day) -> None:
         before = self.day
-        after, _, problem = replay(before, [entry], name)
-        if problem is not None:
-            raise problem
         if self.size < 0:
             self.size = restore(self.path, before, self.key, self.file, self.wrong)
         self.size = append_event(self.path, after, self.key, self.size)

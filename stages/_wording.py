@@ -11,6 +11,7 @@ import re
 from p2l.schema import StageConfig, unknown_key
 
 _COMMA = re.compile(r"(?:Ambiguous value for argument|Error parsing override) '([^'=]+)=([+-]?\d*),(\d+)(%?)'")
+_MISSING = re.compile(r"MissingMandatoryValue while resolving interpolation: Missing mandatory value: (\S+)")
 _KEY = re.compile(r"Could not override '([^']+)'\.")
 
 
@@ -26,6 +27,8 @@ def told_apart(error: BaseException, schema: type[StageConfig]) -> BaseException
         value = f"{whole or '0'}.{decimals}"
         way = f"{key}={value}" if not percent else f"{key}={float(value) / 100:g}"
         return ValueError(f"{key}={whole},{decimals}{percent}: a comma makes a list here; write {way}")
+    if (missing := _MISSING.match(str(error))) is not None:  # the folder of the run is named after it
+        return ValueError(f"configuration: Missing mandatory value: {missing[1]} (key '{missing[1]}')")
     if (key_found := _KEY.match(str(error))) is not None and (told := unknown_key(key_found[1], schema)) is not None:
         return ValueError(told)
     if isinstance(error, (FileExistsError, NotADirectoryError)) and error.filename is not None:

@@ -142,9 +142,11 @@ def test_a_task_that_is_done_and_another_plan_s_day_are_refused(stage, tmp_path)
     (tmp_path / "twice.csv").write_text(OUTCOMES + "peg,success,again\n")
     code, told = stage("day", "plan=plan", "outcomes=twice.csv")
     assert code == 2
-    assert "twice.csv, row 6, column 'task': 'peg' is done, all 3 copies; take the row out" in told.err
+    assert "twice.csv, row 6, column 'task': 'peg' is done, all 3 copies; take the row out. No row of the" in told.err
     day = tmp_path / "plan" / "day" / "day.csv"
-    assert len(table(day)) == 5  # what came before is entered
+    assert not day.exists()  # else the corrected table would enter its first rows twice
+    assert stage("day", "plan=plan", "outcomes=outcomes.csv")[0] == 0
+    assert len(table(day)) == 5
     code, told = stage("day", "plan=plan", "prior_n=9")
     assert (code, "day.csv, row 2, column 'plan': " in told.err) == (2, True)
     kept = day.read_text()
@@ -154,12 +156,43 @@ def test_a_task_that_is_done_and_another_plan_s_day_are_refused(stage, tmp_path)
     assert "is another plan, or one with other settings (prior_n, spread); this one is" in told.err
 
 
+def test_a_row_that_tells_a_step_otherwise_than_the_day_is_refused(stage, tmp_path):
+    """It was skipped without a word."""
+    stage("day", "plan=plan", "outcomes=outcomes.csv")
+    kept = (tmp_path / "plan/day/day.csv").read_text()
+    for row, what in (
+        (
+            "2,nut,success",
+            "row 3, column 'task': 'nut' given, and day.csv has 'peg' in step 2; correct one of them. No",
+        ),
+        ("2,PEG,success", "row 3, column 'outcome': 'success' given, and day.csv has 'failure' in step 2"),
+    ):
+        (tmp_path / "more.csv").write_text(f"step,task,outcome\n1,,done\n{row}\n5,,success\n")
+        code, told = stage("day", "plan=plan", "outcomes=more.csv")
+        assert (code, what in told.err) == (2, True), told.err
+        assert (tmp_path / "plan/day/day.csv").read_text() == kept
+
+
+def test_what_a_day_is_not_of_is_one_message(stage, tmp_path):
+    (tmp_path / "then.csv").write_text("scenario,task,count\n1,peg,1\n")
+    tables = ("tasks=orders.csv", "transfer=transfer.csv", "fill=0", "scenarios=then.csv", "hydra.run.dir=both")
+    assert stage("plan", *tables)[0] == 0
+    code, told = stage("day", "plan=both")
+    assert (code, "plan=both: is for today and tomorrow, and a day is of today alone; plan the" in told.err) == (
+        2,
+        True,
+    )
+    code, told = stage("day")
+    assert code == 2
+    assert told.err.startswith("stage day: configuration: Missing mandatory value: plan (key 'plan')\n")
+
+
 def test_at_the_terminal(stage, tmp_path):
     typed = '?\nx\nd\npeg,2,delegate,,,done,"Bo, by hand"\nnot\n"peg,2,delegate,,,done\nq\n'
     code, told = stage("day", "plan=plan", typed=typed)
     assert code == 0, told.err
     assert "1. peg (copy 1 of 3): taught to robot. done / not taught?" in told.out
-    assert "'x' is no outcome" in told.out
+    assert "'x' is no outcome; give done, not taught. Nothing is entered" in told.out
     assert "2. peg (copy 2 of 3): robot by the lesson on peg, succeeds with 90%. success / failure?" in told.out
     assert 'done,"Bo, by hand",' in (tmp_path / "plan" / "day" / "day.csv").read_text()
     assert told.out.count("Nothing is entered") == 3

@@ -13,7 +13,7 @@ from typing import NamedTuple
 from p2l.errors import InputError
 from p2l.team.columns import likeness
 from p2l.team.day.advance import advance
-from p2l.team.day.record import Day, Event, EventError, EventOutcome, Step
+from p2l.team.day.record import ALLOWED, Day, Event, EventError, EventOutcome, Step
 from p2l.team.day.steps import next_step, planned_step
 from p2l.team.problem import Decision
 from p2l.team.shop.record import Shop
@@ -49,20 +49,20 @@ def event_of(day: Day, entry: DayEntry) -> Event:
     """
     if entry["step"] and entry["step"] != str(len(day.events) + 1):
         raise EventError("step", f"'{entry['step']}' given; {len(day.events) + 1} comes next")
-    outcome = _OUTCOMES.get(re.sub(r"[\s_-]+", " ", entry["outcome"].casefold()))
-    if outcome is None:
-        raise EventError("outcome", f"'{entry['outcome']}' is no outcome; give {', '.join(_OUTCOMES)}")
     step = _step(day, entry)
     task, copy = step.task, step.copy
     if entry["copy"] and entry["copy"] != str(copy):
         if not re.fullmatch(r"\d{1,9}", entry["copy"]):
             raise EventError("copy", f"'{entry['copy']}' is no number of a copy")
         copy = int(entry["copy"])
-    if not entry["decision"]:
-        return Event(task, copy, step.decision, step.robot, step.lesson, outcome, note_of(entry))
-    decision = _DECISIONS.get(entry["decision"].casefold())
+    decision = _DECISIONS.get(entry["decision"].casefold()) if entry["decision"] else step.decision
     if decision is None:
         raise EventError("decision", f"'{entry['decision']}' is no decision; give {', '.join(_DECISIONS)}")
+    outcome = _OUTCOMES.get(re.sub(r"[\s_-]+", " ", entry["outcome"].casefold()))
+    if outcome is None:
+        raise EventError("outcome", f"'{entry['outcome']}' is no outcome; give {', '.join(ALLOWED[decision])}")
+    if not entry["decision"]:
+        return Event(task, copy, step.decision, step.robot, step.lesson, outcome, note_of(entry))
     robot, lesson = _robot(day, entry, decision, step), _lesson(day, entry, decision, step)
     return Event(task, copy, decision, robot, lesson, outcome, note_of(entry))
 
