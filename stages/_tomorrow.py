@@ -62,7 +62,7 @@ def plan_both_days(cfg: PlanConfig, out: Path, track: Tracker) -> None:
     plan = plan_two_stage(reading.program, time_limit_s=cfg.time_limit_s, gap=cfg.gap)
     reasons = lesson_times(reading.program, plan, time_limit_s=cfg.reasons_s)
     found = _estimate(cfg, reading, plan)
-    text = explain_two_stage(reading.program, plan, reasons, found)
+    text = explain_two_stage(reading.program, plan, reasons, found, cfg.repeats)
     write_tomorrow_page(out / "plan.html", reading.program, plan, reasons, found, reading.day.remarks, cfg.subject)
     write_two_stage_plan(out, reading, plan, reasons, setting, found)
     track.metrics({"objective": plan.objective, "lower_bound": plan.lower_bound, "seconds": plan.seconds})

@@ -33,6 +33,7 @@ def test_rows_and_columns_of_the_table_may_come_in_any_order(tmp_path):
     assert problem.order == "any"
     assert problem.c_hum.tolist() == [100, 100, 90]
     assert problem.pretrained.tolist() == [0, 0.5, 1]
+    assert read_problem(*files(tmp_path, ORDERS.replace("200,0.5", "200,"))).pretrained.tolist() == [0, 0, 1]
     assert problem.transfer.tolist() == [[1, 0.4, 0.3], [0.2, 1, 0.1], [0.5, 0.6, 1]]
 
 

@@ -155,6 +155,7 @@ COLUMNS = [
     (with_column("count", 1, "", "3.0"), {"count": [1, 1, 3]}),
     (with_column("Decision", "Act", "!Learn", ""), {"choice": [Ruling.ACT, Ruling.NOT_LEARN, Ruling.FREE]}),
     (with_column("decision", "DELEGATE", "learn", "! learn"), {"choice": [Ruling.DELEGATE, Ruling.LEARN, 3]}),
+    (ORDERS.replace("200,0.5", "200,"), {"pretrained": [[0, 0, 1]]}),
     (with_column("teachable", "", "no", "ja"), {"c_demo": [[200, inf, 70]]}),
     (with_column("demo success", "", 0.5, "20%"), {"c_demo": [[200, 400, 350]], "transfer": [TABLE]}),
     (

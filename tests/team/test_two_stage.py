@@ -27,6 +27,8 @@ from p2l.team.tomorrow import (
     with_counts,
 )
 from p2l.team.tomorrow.oracle import every_two_stage_plan
+from p2l.team.tomorrow.reasons import explain_two_stage, lesson_times
+from p2l.team.tomorrow.sampling import Estimate, GapInterval
 
 
 @pytest.mark.parametrize(
@@ -174,3 +176,13 @@ def test_a_deadline_leaves_a_plan_with_its_true_bound():
     day = plan_two_stage(program, time_limit_s=0.5)
     verdict = check_two_stage_plan(program, day)
     assert day.lower_bound <= verdict.bound * (1 + 1e-9) <= day.objective * (1 + 2e-9)
+
+
+def test_fewer_samples_than_were_asked_for_are_told():
+    program = gears([[4], [0]], [0.5, 0.5])
+    plan = plan_two_stage(program)
+    reasons = lesson_times(program, plan)
+    found = Estimate(1.0, 0.5, 1.5, GapInterval(0.0, 0.1, 0.95, 2), fresh=True)
+    assert "There was time for 2 of 10 samples" in explain_two_stage(program, plan, reasons, found, 10)
+    assert "There was time" not in explain_two_stage(program, plan, reasons, found, 2)
+    assert "There was time" not in explain_two_stage(program, plan, reasons, replace(found, fresh=False), 10)

@@ -66,7 +66,7 @@ def read_problem(orders_csv: Path | str, transfer_csv: Path | str, order: Order 
     pretrained = np.zeros(len(tasks))
     if (place := at.get("pretrained")) is not None:
         column = sheet.header[place]
-        pretrained = np.array([probability(sheet, line, column, cells[place]) for line, cells in sheet.rows])
+        pretrained = np.array([probability(sheet, line, column, cells[place], empty=0.0) for line, cells in sheet.rows])
     table = _transfer(read_sheet(transfer_csv), tasks, Path(sheet.name).name)
     try:
         return Problem(tasks=tasks, **costs, pretrained=pretrained, transfer=table, order=order)

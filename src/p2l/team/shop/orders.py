@@ -109,7 +109,7 @@ def read_orders(sheet: Sheet) -> Orders:
         tasks=tasks,
         lines=lines,
         **costs,
-        pretrained=column("pretrained", lambda *cell: probability(sheet, *cell), 0.0),
+        pretrained=column("pretrained", lambda *cell: probability(sheet, *cell, empty=0.0), 0.0),
         teachable=column("teachable", lambda *cell: flag(sheet, *cell, empty=True), 1.0) > 0.0,
         demos=demos,
         learnt=learnt,

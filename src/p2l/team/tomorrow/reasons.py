@@ -114,9 +114,12 @@ def _served(shop: Shop, plan: TwoStagePlan, lesson: int, robot: int) -> tuple[st
 
 
 def explain_two_stage(
-    program: TwoStage, plan: TwoStagePlan, reasons: LessonTimes, estimate: Estimate | None = None
+    program: TwoStage, plan: TwoStagePlan, reasons: LessonTimes, estimate: Estimate | None = None, asked: int = 0
 ) -> str:
-    """The headline, what sampling leaves open, and a table of lessons: now, or later and how probably."""
+    """The headline, what sampling leaves open, and a table of lessons: now, or later and how probably.
+
+    `asked` is how many replications the estimate was to have.
+    """
     mean = float(program.probability @ plan.tomorrow)
     many = f"{program.scenarios} scenario{'' if program.scenarios == 1 else 's'}"
     proof = f"{proof_text(plan.status, plan.objective, plan.lower_bound)} for {many}"
@@ -124,6 +127,8 @@ def explain_two_stage(
     lines = [f"Expected cost {plan.objective:,.1f} ({proof}): {parts}."]
     if estimate is not None:
         lines.append(explain_estimate(estimate))
+        if 2 <= estimate.gap.replications < asked and estimate.fresh:
+            lines.append(f"There was time for {estimate.gap.replications} of {asked} samples (time_limit_s=…).")
     rows = [_now(program, each) for each in reasons.today] + [_then(program, each) for each in reasons.later[:_ROWS]]
     robot = len(program.today.robots) > 1
     header = ("lesson", *(("robot",) if robot else ()), "when", "costs", "today", "tomorrow", "saving")
