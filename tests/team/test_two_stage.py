@@ -52,6 +52,16 @@ def test_no_plan_of_a_small_tomorrow_is_better(order, commit, seed):
     assert_allclose(day.today.objective + program.probability @ tomorrow, best, rtol=2e-9, atol=1e-9)
 
 
+@pytest.mark.parametrize("seed", [745, 1170, 7718, 15801, 1573489442])
+def test_a_limit_is_proven_where_no_price_closes_its_gap(seed):
+    """The search decided about lessons that serve nothing, and called decided what the check could not."""
+    program = small_program(np.random.default_rng(seed), "partial", "today")
+    day = plan_two_stage(program)
+    assert np.isfinite(program.today.max_teaching)
+    assert day.status == "optimal"
+    assert_allclose(check_two_stage_plan(program, day).bound, every_two_stage_plan(program)[0], rtol=2e-9)
+
+
 @given(seed=st.integers(0, 2**32 - 1))
 @settings(max_examples=15, deadline=None)
 def test_knowing_more_never_costs_more(seed):

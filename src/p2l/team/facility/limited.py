@@ -86,7 +86,8 @@ def solve_within(pairs: Pairs, weights: Array, limits: Array, *, deadline: float
         small, scale = presolve_below(pairs, upper if math.isfinite(upper) else _everything(pairs, fits), fits)
         best = Best(first, float(open_cost(small, first)))
         core = whole(small)
-        core = core._replace(state=np.where(fits, core.state, np.int8(CLOSED)))
+        serves = np.bincount(small.facility, minlength=small.facilities) > 0  # a case of another would decide nothing
+        core = core._replace(state=np.where(fits & serves, core.state, np.int8(CLOSED)))
         v, _ = dual_ascent(small, None, alarm.flag)
         tree = Tree(np.concatenate([v, np.zeros(len(limits))]))
         search = _LimitedSearch(small, all_limits, Target(gap), tree, alarm, best)

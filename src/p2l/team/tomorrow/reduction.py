@@ -19,6 +19,7 @@ import math
 import numpy as np
 
 from p2l.records import Array, BoolArray, IntArray
+from p2l.team.cases import USELESS
 from p2l.team.facility import Pairs, collect
 from p2l.team.shop.reduction import Reduction
 from p2l.team.tomorrow.record import TwoStage
@@ -69,7 +70,7 @@ def tomorrow_pairs(program: TwoStage, taught: IntArray | None = None, deadline: 
     shift = np.where(place >= width, groups.scenario[narrow.rows()] * width, 0)
     pairs = narrow._replace(opening=opening, facility=(place + shift).astype(np.int32))
     saving = np.bincount(pairs.facility, pairs.outside[pairs.rows()] - pairs.cost, minlength=pairs.facilities)
-    useless = saving <= opening
+    useless = saving * (1.0 + USELESS) <= opening
     useless[:width] = False  # today's, which have more to serve
     return _without(pairs, useless)
 
