@@ -2,20 +2,25 @@
 
 import csv
 import json
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
 from shop_instances import small_shop
 
 from benchmarks.instances import large_shop
 from p2l.artifacts import load_arrays, save_arrays
 from p2l.errors import ArtifactError, ConfigError, InputError, SolverError
+from p2l.team.problem import Certificate
+from p2l.team.proof_arrays import from_arrays, to_arrays
 from p2l.team.shop import Ruling, Shop, check_shop_plan, plan_shop
 from p2l.team.shop.explain import break_even_rows, explain_shop, reason_rows
 from p2l.team.shop.files import check_shop_place, columns_of, read_shop_plan, settings_of, write_shop_plan
+from p2l.team.shop.proof_file import proof_arrays, read_proof
 from p2l.team.shop.reasons import Reasons, reasons_of
 from p2l.team.shop.reasons_check import check_reasons
+from p2l.team.shop.record import ShopCertificate
 
 NO_REASONS = Reasons(np.nan, (), (), 0)
 REFUSED = (ArtifactError, InputError, SolverError)
@@ -226,6 +231,20 @@ def test_a_change_of_the_proof_is_refused(tmp_path, kind, name, change):
     save_arrays(path, arrays, schema="shop_certificate", version=1)
     with pytest.raises(REFUSED):
         read(tmp_path, shop)
+
+
+def test_a_proof_by_how_many_are_open_is_whole_in_both_files(tmp_path):
+    """What every opening counts less was left out of the files, and a plan that was proven so refused."""
+    leaf = Certificate(
+        np.array([[1.0, 2.0], [1.5, 2.5]]), np.array([0, 1, 0]), np.array([-1, 0, 0]), np.array([-1, 4, 4]),
+        np.array([False, True, False]), 3.0, count_prices=np.array([0.0, 0.5]),
+    )  # fmt: skip
+    proof = ShopCertificate(np.array([-1]), np.array([-1]), np.array([-1]), (leaf,))
+    save_arrays(tmp_path / "shop.npz", proof_arrays(proof), schema="shop_certificate", version=1)
+    [again] = read_proof(tmp_path / "shop.npz").leaf
+    for one in (again, from_arrays(to_arrays(leaf))):
+        for field in fields(Certificate):
+            assert_array_equal(getattr(one, field.name), getattr(leaf, field.name))
 
 
 def test_what_is_missing_or_damaged_is_refused(tmp_path):

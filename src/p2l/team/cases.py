@@ -1,8 +1,8 @@
 """The bound that a certificate proves: L(v) of a tree of cases, recomputed from the input with nothing believed.
 
 What no solution below the target can contain is left out of a case: a facility, or a pair, whose use alone would raise
-L(v) to the target, or that costs as much by itself; and a facility that costs more than it could save if it were the
-only one, without which every solution is as good. What rounding may have done is taken off every bound.
+L(v) to the target, or that costs as much by itself; and a facility that could not save its cost if it were the only
+one. What rounding may have done is taken off every bound.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from p2l.team.problem import Certificate
 _BEYOND = 1e-9  # relative: by how much rounding may put a multiplier above its outside option
 _EPS = float(np.finfo(np.float64).eps)
 _ROUNDING = 8.0 * _EPS  # of a cost computed from the input, relative
-USELESS = 1e-9  # relative: by how much a facility must cost more than it can save to be called useless
+USELESS = 1e-9  # relative: how much more than it can save a useless facility costs
 _SLACK = 1e-12  # relative: by how much rounding may put what is taken above its limit
 _BLOCK = 4_000_000  # entries of the cost table that are looked at together
 _FREE, _OPEN, _CLOSED = 0, 1, -1
@@ -217,8 +217,7 @@ def _with_count(
 def _start(instance: Instance, v: Array, gain: Array, low: float, target: float) -> _Case:
     """What the root leaves: every pair and facility that a solution below the target can contain."""
     none = np.zeros(0, dtype=np.int64)
-    state = np.zeros(len(gain), dtype=np.int8)
-    state[instance.opening >= target] = _CLOSED
+    state = np.where(instance.opening >= target, np.int8(_CLOSED), np.int8(_FREE))
     decided = _without(_Case(0, state, none, none, np.zeros(0), low), v, gain, low, target)
     parts: list[tuple[IntArray, IntArray, Array]] = []
     saving = np.zeros(len(state))
@@ -233,8 +232,8 @@ def _start(instance: Instance, v: Array, gain: Array, low: float, target: float)
         rest = _without(pairs, v, gain, low, target)
         parts.append((rest.demand, rest.facility, rest.cost))
     demand, facility, cost = (np.concatenate(part) for part in zip(*parts, strict=True))
-    useless = saving * (1.0 + USELESS) <= instance.opening  # a solution without it costs no more
-    state = np.where((decided.state == _FREE) & useless, np.int8(_CLOSED), decided.state)
+    useless = (decided.state == _FREE) & (saving * (1.0 + USELESS) <= instance.opening)  # without it costs no more
+    state = np.where(useless, np.int8(_CLOSED), decided.state)
     return decided._replace(state=state, demand=demand, facility=facility, cost=cost)
 
 

@@ -16,12 +16,12 @@ from p2l.artifacts import finite, load_arrays, save_arrays, write_text
 from p2l.errors import ArtifactError, InputError, ShapeError
 from p2l.team.outcome import decide, objective
 from p2l.team.problem import ORDERS, Certificate, Decision, Order, Plan, Problem, Status
+from p2l.team.proof_arrays import from_arrays, to_arrays
 from p2l.text import guarded_cell, printable
 
 TABLE, SUMMARY, PROOF = "plan.csv", "plan.json", "certificate.npz"
 _NUMBERS = ("p_success", "expected_cost")
 _COLUMNS = ["order", "task", "decision", "skill", *_NUMBERS]
-_CERTIFICATE = ("multipliers", "row", "parent", "facility", "is_open", "target")
 _NAMES = 4  # tasks that a row of the table of reasons names; the rest are counted
 
 
@@ -100,8 +100,7 @@ def write_plan(folder: Path | str, problem: Problem, plan: Plan) -> None:
     }
     facts = json.dumps(summary, indent=1, allow_nan=False) + "\n"
     if plan.certificate is not None:
-        arrays = {name: np.asarray(getattr(plan.certificate, name)) for name in _CERTIFICATE}
-        save_arrays(Path(folder) / PROOF, arrays, schema="certificate", version=1)
+        save_arrays(Path(folder) / PROOF, to_arrays(plan.certificate), schema="certificate", version=1)
     write_text(Path(folder) / TABLE, text.getvalue())
     write_text(Path(folder) / SUMMARY, facts)
 
@@ -208,10 +207,7 @@ def _certificate(path: Path) -> Certificate | None:
         return None
     arrays = load_arrays(path, schema="certificate", version=1)
     try:
-        multipliers, row, parent, facility, is_open, target = (arrays[name] for name in _CERTIFICATE)
-        if target.shape:
-            raise ValueError("its target is no number")
-        return Certificate(multipliers, row, parent, facility, is_open, float(target))
+        return from_arrays(arrays)
     except (KeyError, TypeError, ValueError, ShapeError) as error:
         raise ArtifactError(f"{path}: is no certificate ({error}); plan again") from error
 

@@ -13,24 +13,24 @@ from typing import Any, Literal, cast
 
 import numpy as np
 
-from p2l.artifacts import finite, load_arrays, save_arrays, write_text
+from p2l.artifacts import finite, save_arrays, write_text
 from p2l.errors import ArtifactError, InputError, ShapeError
 from p2l.team.plan_files import read_plan
-from p2l.team.problem import Certificate, Decision, Plan, Status
+from p2l.team.problem import Decision, Plan, Status
 from p2l.team.shop.explain import tasks_of
+from p2l.team.shop.proof_file import PROOF, proof_arrays, read_proof
 from p2l.team.shop.reasons import Reasons
 from p2l.team.shop.record import SHOP_ORDERS, Shop, ShopCertificate, ShopPlan
 from p2l.team.shop.rows import plan_rows
 from p2l.team.shop.saved import SHOP
 from p2l.text import guarded_cell
 
-TABLE, SUMMARY, PROOF, REASONS = "plan.csv", "plan.json", "certificate.npz", "reasons.csv"
+TABLE, SUMMARY, REASONS = "plan.csv", "plan.json", "reasons.csv"
 FILES = (TABLE, SUMMARY, PROOF, REASONS, SHOP, "plan.png", "plan.html")
 WITHOUT, UNKNOWN = "without_lessons", "unknown_reasons"  # keys of plan.json
 _FIRST, _LAST = ["order", "task"], ["skill", "p_success", "expected_cost"]
 _GROUPS = {"taught": np.int64, "sequence": np.int64, "decision": np.int64, "robot": np.int64, "lesson": np.int64,
            "p_success": np.float64, "expected_cost": np.float64}  # fmt: skip
-_PARTS = ("multipliers", "row", "parent", "facility", "is_open", "prices")
 
 
 def check_shop_place(folder: Path | str, inputs: Sequence[Path] = (), files: Sequence[str] = FILES) -> None:
@@ -254,40 +254,6 @@ def _summed_up(shop: Shop, plan: ShopPlan) -> dict[str, Any]:
         ],
         "plan": named_rows(shop, plan),
     }
-
-
-def proof_arrays(proof: ShopCertificate) -> dict[str, Any]:
-    """A proof as the arrays of `certificate.npz`."""
-    arrays: dict[str, Any] = {name: np.asarray(getattr(proof, name)) for name in ("parent", "lesson", "group")}
-    for number, leaf in enumerate(proof.leaf):
-        if leaf is not None:
-            arrays |= {f"{number}/{name}": np.asarray(getattr(leaf, name)) for name in _PARTS}
-            arrays[f"{number}/target"] = np.array(leaf.target)
-    return arrays
-
-
-def read_proof(path: Path) -> ShopCertificate | None:
-    """The proof in `certificate.npz`; None if there is no such file.
-
-    Raises:
-        ArtifactError: damaged, or no certificate.
-    """
-    if not path.is_file():
-        return None
-    arrays = load_arrays(path, schema="shop_certificate", version=1)
-    try:
-        leaves: list[Certificate | None] = []
-        for number in range(len(arrays["parent"])):
-            if f"{number}/target" not in arrays:
-                leaves.append(None)
-                continue
-            parts = {name: arrays[f"{number}/{name}"] for name in _PARTS}
-            if arrays[f"{number}/target"].shape:
-                raise ValueError("its target is no number")
-            leaves.append(Certificate(**parts, target=float(arrays[f"{number}/target"])))
-        return ShopCertificate(arrays["parent"], arrays["lesson"], arrays["group"], tuple(leaves))
-    except (KeyError, TypeError, ValueError, ShapeError) as error:
-        raise ArtifactError(f"{path}: is no certificate ({error}); plan again") from error
 
 
 def _copies(shop: Shop, plan: ShopPlan, kind: Decision) -> int:

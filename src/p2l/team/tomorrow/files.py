@@ -16,16 +16,15 @@ from p2l.artifacts import finite
 from p2l.errors import ArtifactError, InputError, ShapeError
 from p2l.team.problem import Status
 from p2l.team.shop.files import (
-    PROOF,
     SUMMARY,
     TABLE,
     check_table,
     named_rows,
-    read_proof,
     read_summary,
     table_text,
     write_files,
 )
+from p2l.team.shop.proof_file import PROOF, read_proof
 from p2l.team.shop.record import ShopPlan
 from p2l.team.tomorrow.reading import TwoStageReading
 from p2l.team.tomorrow.reasons import LessonLater, LessonTimes, LessonToday
