@@ -35,7 +35,7 @@ _PLAN = ("planner", "status", "objective", "lower_bound", "gap")
 
 
 @dataclass(frozen=True)
-class Progress:
+class DayProgress:
     """What an event has led to.
 
     Attributes:
@@ -62,7 +62,7 @@ def first_digest(morning: Day, key: str) -> str:
     return config_hash([_VERSION, key, morning.time_limit_s])
 
 
-def read_progress(path: Path, morning: Day, key: str, entries: Sequence[DayEntry]) -> tuple[Progress, ...]:
+def read_progress(path: Path, morning: Day, key: str, entries: Sequence[DayEntry]) -> tuple[DayProgress, ...]:
     """The lines that hold for the first rows of `day.csv`; none if there is no such file, or it cannot be read.
 
     Args:
@@ -75,7 +75,7 @@ def read_progress(path: Path, morning: Day, key: str, entries: Sequence[DayEntry
         lines = path.read_bytes().splitlines(keepends=True)
     except OSError:
         return ()
-    known: list[Progress] = []
+    known: list[DayProgress] = []
     before, end = first_digest(morning, key), 0
     for line, entry in zip(lines, entries, strict=False):
         end += len(line)
@@ -90,7 +90,7 @@ def read_progress(path: Path, morning: Day, key: str, entries: Sequence[DayEntry
     return tuple(known)
 
 
-def day_after(morning: Day, known: Sequence[Progress]) -> Day | None:
+def day_after(morning: Day, known: Sequence[DayProgress]) -> Day | None:
     """The day after some events, its plan taken from the last line; None if that is no plan for what is left."""
     events = tuple(one.event for one in known)
     day = replace(morning, events=events, standing=standing_of(morning, events))
@@ -160,7 +160,7 @@ def append_progress(path: Path, before: str, size: int, day: Day, change: str) -
     return digest, size + len(line)
 
 
-def _progress(line: bytes, before: str, end: int, entry: DayEntry) -> Progress:
+def _progress(line: bytes, before: str, end: int, entry: DayEntry) -> DayProgress:
     """A line of the file; the note of its event is that of the row."""
     digest, _, text = line.decode().removesuffix("\n").partition(" ")
     if digest != digest_bytes(f"{before}{text}".encode()):
@@ -168,7 +168,7 @@ def _progress(line: bytes, before: str, end: int, entry: DayEntry) -> Progress:
     content = json.loads(text)
     task, copy, decision, robot, lesson, outcome = content["event"]
     event = Event(task, copy, Decision(decision), robot, lesson, EventOutcome(outcome), note_of(entry))
-    return Progress(event, content["spent"], content["left"], content["change"], content["plan"], end, digest)
+    return DayProgress(event, content["spent"], content["left"], content["change"], content["plan"], end, digest)
 
 
 def _tells(entry: DayEntry, cells: Mapping[str, str]) -> bool:
