@@ -304,7 +304,7 @@ def test_a_finished_run_is_neither_repeated_nor_overwritten(found, tmp_path, mon
         given = {"failures": str(found / "failures_train.npz"), "budget": 600, "slots": 8, "records": None}
         plain |= {"item": "push", "world": PUSH, "tracking": {"enabled": True, "uri": store}, **given, **changes}
         function = chain_recoveries.run.__wrapped__
-        _stage._run("chain_recoveries", ChainRecoveriesConfig, function, OmegaConf.create(plain), out, already)
+        _stage._run("chain_recoveries", ChainRecoveriesConfig, function, OmegaConf.create(plain), out, already, None)
 
     def files():
         return {path: (path.read_bytes(), path.stat().st_mtime_ns) for path in out.rglob("*") if path.is_file()}

@@ -27,6 +27,7 @@ def ended(name, *words):
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("sys.argv", [name, *words, *tracking])
         patch.setenv("HYDRA_FULL_ERROR", "1")
+        patch.setenv("P2L_STOPPED", "")  # what a stopped stage leaves for the end of its process, which this is not
         with pytest.raises(SystemExit) as left:
             importlib.import_module(f"stages.{name}").run()
     return left.value.code

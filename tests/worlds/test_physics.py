@@ -9,8 +9,8 @@ from p2l.contracts.rows import Command
 from p2l.errors import ConfigError
 from p2l.skills import chain
 from p2l.worlds.robot import VERSIONS
-from p2l.worlds.table import WORLDS
 
+OURS = ("cluttered_shelf", "door", "pick_place", "shelf")  # others may have registered more
 PANDA_NM = [80.0] * 5 + [12.0] * 2  # robosuite's motors; the UR5e's are stronger and its wrist's weaker
 UR5E_NM = [150.0] * 3 + [28.0] * 3
 
@@ -38,7 +38,7 @@ def far_off(world, rows):
     return Command.pose(pos + np.array([0.3, 0.4, 0.2]), quat, np.zeros(len(rows)))
 
 
-@pytest.mark.parametrize("name", WORLDS.names())
+@pytest.mark.parametrize("name", OURS)
 @pytest.mark.parametrize(("arm", "limits"), [("Panda", PANDA_NM), ("UR5e", UR5E_NM)])
 def test_no_motor_is_stronger_than_robosuite_has_it(name, arm, limits):
     if arm == "UR5e" and name in ("door", "pick_place"):
