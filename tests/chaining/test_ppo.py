@@ -208,7 +208,7 @@ def test_bad_input_is_refused_before_anything_is_simulated(task, failures):
         ConfigError, match="less than one round of 120 decisions of 10 control steps; give at least 1200"
     ):
         TrainSettings(budget=1199)
-    with pytest.raises(ConfigError, match="unknown learner 'sac'; known: lazy_rc, pp, rc, rl"):
+    with pytest.raises(ConfigError, match="unknown learner 'sac'; known: lazy_rc, pp, rc, rl, search"):
         make_learner("sac", task, Limits())
     for name, params, message in (
         ("lazy_rc", {"audit": 0.0}, "lazy_rc: audit must be a number above 0 and at most 1, got 0.0"),

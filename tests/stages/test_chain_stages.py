@@ -268,7 +268,7 @@ def test_what_cannot_be_learnt_from_is_refused(found, tmp_path):
     with pytest.raises(ConfigError, match="less than one round of 24 decisions of 10 control steps; give at least 240"):
         learn(found, tmp_path, budget=239)
     with pytest.raises(
-        ConfigError, match=r"learner\.name: given 'sac'; unknown learner 'sac'; known: lazy_rc, pp, rc, rl"
+        ConfigError, match=r"learner\.name: given 'sac'; unknown learner 'sac'; known: lazy_rc, pp, rc, rl, search"
     ):
         learn(found, tmp_path, "sac")
     with pytest.raises(ConfigError, match="no dense reward for world 'push'"):

@@ -127,7 +127,7 @@ def test_the_pipeline_trains_what_its_preset_compares(tmp_path):
         ("worlds=[door]", "chain_worlds names pick_place; worlds has: door"),
         ("chain_worlds=[shelf,shelf]", "chain_worlds names a world twice"),
         ("chain_worlds=[ant]", "chain_worlds names ant; worlds has: door, pick_place"),
-        ("+overrides.chain_recoveries=['compare=[sac]']", "compare names sac; learners has: rc, lazy_rc, pp, rl"),
+        ("+overrides.chain_recoveries=['compare=[sac]']", "compare names sac; learners has: rc, lazy_rc, pp, rl, "),
         ("recovery_worlds=[door,door]", "recovery_worlds names a world twice"),
         ("recovery_worlds=[shelf]", "has no symbols, so no skill graph; give it a method"),
         ("cluster_worlds=[shelf,door,pick_place,cluttered_shelf]", "cluster_worlds and recovery_worlds both name door"),

@@ -115,7 +115,13 @@ def learn(setup: RunSetup, out: Path, observer: Observer) -> RunResult:
             f"{setup.failures} failures are too few to set {episodes} apart: evaluations start at all of them."
         )
     evaluation_starts = evaluation_starts_of(task, learner, parts, run.settings.episodes)
-    progress = train(task, learner, evaluation_starts, run.settings, card, out, observer.row)
+    if learner.search is None:
+        progress = train(task, learner, evaluation_starts, run.settings, card, out, observer.row)
+    else:
+        from p2l.chaining.search.train import search_train  # the others need no forest
+
+        plan = learner.search
+        progress = search_train(task, learner, plan, evaluation_starts, run.settings, card, out, observer.row)
     return run_result(progress, setup.failures, parts.set_apart)
 
 

@@ -15,6 +15,7 @@ from p2l.chaining.mdp import Judge, Limits, task_success
 from p2l.chaining.pool import Pool
 from p2l.chaining.preconditions import ControllerPreconditions
 from p2l.chaining.revisit import Revisits
+from p2l.chaining.search_settings import SearchSettings
 from p2l.chaining.shortcut import Shortcut
 from p2l.contracts.option import Option
 from p2l.contracts.rows import Rows
@@ -74,6 +75,7 @@ class Learner:
         shortcut: predicts options that need not be simulated.
         preconditions: hand over to the best nominal controller where one of them holds, or at the episode's bounds.
         whole_task: the policy acts from the task's start, without the nominal controllers.
+        search: macros are searched, and no policy gradient is taken.
     """
 
     limits: Limits
@@ -84,6 +86,7 @@ class Learner:
     shortcut: Shortcut | None = None
     preconditions: ControllerPreconditions | None = None
     whole_task: bool = False
+    search: SearchSettings | None = None
 
     def pool(self, task: ChainTask, rng: np.random.Generator, slots: int, revisit: float = 0.0) -> Pool:
         """The recovery MDP; episodes start at one of `starts`, drawn by `rng`, or continue an earlier success.

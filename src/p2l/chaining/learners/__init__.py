@@ -1,1 +1,1 @@
-"""The learners that are compared: RC, Lazy RC, PP and RL; `table` lists them."""
+"""The learners that are compared: RC, Lazy RC, PP, RL and search; `table` lists them."""

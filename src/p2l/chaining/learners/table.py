@@ -41,7 +41,15 @@ def _rl() -> Callable[..., Learner]:
     return learner
 
 
-LEARNERS: Registry[Callable[..., Learner]] = Registry("learner", {"rc": _rc, "lazy_rc": _lazy_rc, "pp": _pp, "rl": _rl})
+def _search() -> Callable[..., Learner]:
+    from p2l.chaining.learners.search import learner
+
+    return learner
+
+
+LEARNERS: Registry[Callable[..., Learner]] = Registry(
+    "learner", {"rc": _rc, "lazy_rc": _lazy_rc, "pp": _pp, "rl": _rl, "search": _search}
+)
 
 
 def make_learner(name: str, task: ChainTask, limits: Limits, params: Mapping[str, Any] | None = None) -> Learner:

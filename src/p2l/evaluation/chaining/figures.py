@@ -18,6 +18,7 @@ LEARNERS: dict[str, MethodStyle] = {
     "lazy_rc": MethodStyle("Lazy RC", "#56B4E9", "P"),
     "pp": MethodStyle("PP", "#D55E00", "^"),
     "rl": MethodStyle("RL", "#555555", "X"),
+    "search": MethodStyle("Search", "#009E73", "D"),
 }
 MAIN = "rc"
 BESIDE_MAIN = "success_minus_rc"

@@ -1,0 +1,79 @@
+"""Macros: a few primitives, then a nominal option, as actions of the recovery MDP; random ones, and neighbours.
+
+Axis letters: K macros, A actions, C columns of an encoding.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from p2l.records import Array, IntArray
+
+Macro = tuple[int, ...]
+GO_ON = 0.65  # chance of one primitive more in a random macro
+
+
+@dataclass(frozen=True)
+class MacroSpace:
+    """All macros of a recovery MDP.
+
+    Attributes:
+        primitives: number of the agent's own actions, which come first.
+        options: number of nominal options.
+        longest: most primitives of a macro.
+    """
+
+    primitives: int
+    options: int
+    longest: int
+
+    def random(self, rng: np.random.Generator) -> Macro:
+        """Short ones are more likely than long ones; every macro can come."""
+        length = min(int(rng.geometric(1.0 - GO_ON)) - 1, self.longest)
+        body = rng.integers(self.primitives, size=length) if length else np.zeros(0, dtype=np.int64)
+        return (*body.tolist(), self._option(rng))
+
+    def neighbour(self, macro: Macro, rng: np.random.Generator) -> Macro:
+        """With a primitive more, one fewer, another one, or another option."""
+        *body, option = macro
+        change = int(rng.integers(4))
+        if change == 0 and len(body) < self.longest:
+            body.insert(int(rng.integers(len(body) + 1)), int(rng.integers(self.primitives)))
+        elif change == 1 and body:
+            body.pop(int(rng.integers(len(body))))
+        elif change == 2 and body:
+            body[int(rng.integers(len(body)))] = int(rng.integers(self.primitives))
+        else:
+            option = self._option(rng)
+        return (*body, option)
+
+    def encoding(self, macros: Sequence[Macro]) -> Array:
+        """[K, C]: how often each action occurs, which one comes first, which one last before the option, the length."""
+        actions = self.primitives + self.options
+        values = np.zeros((len(macros), 3 * actions + 1))
+        for row, macro in zip(values, macros, strict=True):
+            for action in macro:
+                row[action] += 1.0
+            row[actions + macro[0]] = 1.0
+            row[2 * actions + macro[max(len(macro) - 2, 0)]] = 1.0
+            row[-1] = len(macro)
+        return values
+
+    def _option(self, rng: np.random.Generator) -> int:
+        return self.primitives + int(rng.integers(self.options))
+
+
+def padded(macros: Sequence[Macro], width: int) -> IntArray:
+    """[K, width] their actions, −1 after the end."""
+    table = np.full((len(macros), width), -1, dtype=np.int64)
+    for row, macro in zip(table, macros, strict=True):
+        row[: len(macro)] = macro
+    return table
+
+
+def macro_of(row: IntArray) -> Macro:
+    """The macro of a row of `padded`."""
+    return tuple(int(action) for action in row if action >= 0)

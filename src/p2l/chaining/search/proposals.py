@@ -1,0 +1,119 @@
+"""Which macro to try next on which failure.
+
+Half of a round goes to failures that nothing has recovered from yet: what recovered from others and is thought to fit,
+a neighbour of that, or something random. The other half teaches the model where the good macros hold: on any failure,
+the macro that a few trees, drawn anew for each, believe in most (Thompson sampling), so that what is uncertain and may
+be best is tried first.
+
+Axis letters: N failures, K macros.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from p2l.chaining.search.macros import Macro, MacroSpace
+from p2l.chaining.search.model import OutcomeTable, SuccessModel
+from p2l.records import Array, BoolArray, IntArray
+
+OPINION = 5  # trees that a draw asks
+KNOWN, NEIGHBOUR = 0.5, 0.8  # cumulative chances of a known macro and of a neighbour; the rest is random
+SPREAD = 8.0  # mean rank of the macro whose neighbour is tried
+
+
+@dataclass(frozen=True)
+class RoundPlan:
+    """What a round may choose from.
+
+    Attributes:
+        trials: of a round, at most.
+        portfolio: most macros that the model is asked about.
+    """
+
+    trials: int
+    portfolio: int
+
+
+Trial = tuple[int, Macro]
+
+
+def propose(
+    plan: RoundPlan,
+    space: MacroSpace,
+    table: OutcomeTable,
+    model: SuccessModel | None,
+    features: Array,
+    rng: np.random.Generator,
+) -> list[Trial]:
+    """Trials of a round, none of them known or named twice; fewer where nothing new comes up.
+
+    Args:
+        plan: what a round may choose from.
+        space: of the macros.
+        table: outcomes so far.
+        model: fitted to them, if they suffice.
+        features: [N, F] of the failures.
+        rng: draws them.
+    """
+    solved = table.solved(len(features))
+    winners = table.winners(plan.portfolio)
+    hard = rng.permutation(np.flatnonzero(~solved))[: plan.trials // 2]
+    any_ones = rng.permutation(len(features))[: plan.trials - len(hard)]
+    trials: dict[Trial, None] = {}
+    beliefs = model.probability(features[hard], winners) if model is not None and winners and len(hard) else None
+    for row, failure in enumerate(hard.tolist()):
+        scores = None if beliefs is None else beliefs[row]
+        macro = _hard(failure, space, table, winners, scores, rng)
+        if not table.tried(failure, macro):
+            trials[failure, macro] = None
+    for failure, macro in _uncertain(any_ones, table, winners, model, features, rng):
+        trials[failure, macro] = None
+    if not trials:  # the first round, or everything that is known has been tried everywhere
+        drawn = [(int(failure), space.random(rng)) for failure in any_ones]
+        trials = {trial: None for trial in drawn if not table.tried(*trial)}
+    return list(trials)
+
+
+def _hard(
+    failure: int,
+    space: MacroSpace,
+    table: OutcomeTable,
+    winners: list[Macro],
+    scores: Array | None,
+    rng: np.random.Generator,
+) -> Macro:
+    """A macro for a failure that nothing has recovered from."""
+    chance = rng.random()
+    if winners and chance < KNOWN:
+        order = range(len(winners)) if scores is None else np.argsort(-scores, kind="stable").tolist()
+        new = [winners[place] for place in order if not table.tried(failure, winners[place])]
+        if new:
+            return new[0]
+    if winners and chance < NEIGHBOUR:
+        return space.neighbour(winners[min(int(rng.exponential(SPREAD)), len(winners) - 1)], rng)
+    return space.random(rng)
+
+
+def _uncertain(
+    failures: IntArray,
+    table: OutcomeTable,
+    winners: list[Macro],
+    model: SuccessModel | None,
+    features: Array,
+    rng: np.random.Generator,
+) -> list[Trial]:
+    """For each failure the macro that a few trees believe in most, where that is not known already."""
+    if model is None or not winners or not len(failures):
+        return []
+    trees = rng.integers(len(model.forest.estimators_), size=OPINION)
+    belief = model.probability(features[failures], winners, trees)
+    belief += 1e-9 * rng.random(belief.shape)
+    known: BoolArray = np.array([[table.tried(int(failure), macro) for macro in winners] for failure in failures])
+    best = np.where(known, -1.0, belief).argmax(axis=1)
+    return [
+        (int(failure), winners[place])
+        for row, (failure, place) in enumerate(zip(failures, best, strict=True))
+        if not known[row, place]
+    ]

@@ -1,0 +1,271 @@
+"""Search a budget of control steps for macros that recover, and learn the policy that chooses among them.
+
+Rounds of trials follow one another (`proposals`); from time to time the network learns, for every failure that was
+recovered from, the macro that the model believes in most among those that did, and is evaluated on failures set apart.
+
+1. This is none of the thesis's methods: its MDP, its actions and its episodes, but no policy gradient.
+2. A control step is a control step: those of trials count like those of PPO's episodes, those of evaluations do not.
+3. A run that was killed goes on from its last evaluation and comes to the same policy.
+
+Axis letters: N failures, K decisions, O state columns.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from p2l.chaining.agent import agent_of, save_agent
+from p2l.chaining.checkpoint import Progress, load_checkpoint, save_checkpoint
+from p2l.chaining.execute import recover
+from p2l.chaining.learner import ChainTask, Learner
+from p2l.chaining.policy import Card, Policy
+from p2l.chaining.search.macros import Macro, MacroSpace, macro_of, padded
+from p2l.chaining.search.model import OutcomeTable, SuccessModel, pair_features
+from p2l.chaining.search.network import clone
+from p2l.chaining.search.proposals import RoundPlan, Trial, propose
+from p2l.chaining.search.trials import Trials, run_trials
+from p2l.chaining.search_settings import SearchSettings
+from p2l.chaining.states import first_state
+from p2l.chaining.train import TrainSettings
+from p2l.contracts.rows import Rows
+from p2l.errors import ConfigError
+from p2l.records import Array, IntArray
+from p2l.seeding import entropy, generator, generator_state, restore_generator
+
+SLOTS = 128  # trials at once; a wider batch is faster and changes nothing
+Report = Callable[[str, Mapping[str, float]], None]
+
+
+@dataclass
+class Search:
+    """All that a search remembers.
+
+    Attributes:
+        table: outcomes.
+        ways: [K, O] states of each trial that succeeded, by failure and macro.
+        rng: draws the trials.
+    """
+
+    table: OutcomeTable
+    ways: dict[Trial, Array]
+    rng: np.random.Generator
+
+    def add(self, proposed: list[Trial], trials: Trials) -> None:
+        """The outcomes of a round."""
+        for row, (failure, macro) in enumerate(proposed):
+            well = bool(trials.success[row])
+            self.table.add(failure, macro, well)
+            if well:
+                count = int((trials.actions[row] >= 0).sum())
+                self.ways[failure, macro] = trials.states[row, :count].astype(np.float32)
+
+    def tensors(self, width: int) -> dict[str, torch.Tensor]:
+        """For a checkpoint; macros are at most `width` long."""
+        table, ways = self.table, list(self.ways.values())
+        arrays: dict[str, Any] = {
+            "failure": np.array(table.failure, dtype=np.int64),
+            "macro": padded(table.macro, width),
+            "success": np.array(table.success, dtype=np.int64),
+            "lengths": np.array([len(way) for way in ways], dtype=np.int64),
+            "rng": generator_state(self.rng),
+        }
+        if ways:
+            arrays["states"] = np.concatenate(ways)
+        return {name: torch.tensor(np.ascontiguousarray(value)) for name, value in arrays.items()}
+
+    def restore(self, by_name: Mapping[str, torch.Tensor]) -> None:
+        """From what `tensors` gave."""
+        arrays = {name: value.numpy() for name, value in by_name.items()}
+        restore_generator(self.rng, arrays["rng"])
+        macros = [macro_of(row) for row in arrays["macro"]]
+        outcomes = list(zip(arrays["failure"].tolist(), macros, arrays["success"].tolist(), strict=True))
+        for failure, macro, well in outcomes:
+            self.table.add(failure, macro, bool(well))
+        won = [(failure, macro) for failure, macro, well in outcomes if well]
+        if won:
+            ways = np.split(arrays["states"], np.cumsum(arrays["lengths"])[:-1])
+            self.ways = dict(zip(won, ways, strict=True))
+
+    def choices(self, model: SuccessModel | None, features: Array, portfolio: int) -> list[Trial]:
+        """For every failure that was recovered from, of the macros that did, the one most likely to do so again."""
+        by_failure: dict[int, list[Macro]] = {}
+        for failure, macro in self.ways:
+            by_failure.setdefault(failure, []).append(macro)
+        general = set(self.table.winners(portfolio))
+        choices = []
+        for failure, macros in by_failure.items():
+            few = [macro for macro in macros if macro in general] or macros
+            if model is None:
+                choices.append((failure, max(few, key=self.table.rate)))
+            else:
+                chances = model.probability(features[[failure]], few)[0]
+                choices.append((failure, few[int(chances.argmax())]))
+        return choices
+
+
+@dataclass
+class _Run:
+    """One training run, see `train`."""
+
+    task: ChainTask
+    learner: Learner
+    plan: SearchSettings
+    starts: Rows
+    settings: TrainSettings
+    card: Card
+    folder: Path
+    report: Report
+    progress: Progress
+    search: Search
+    space: MacroSpace
+    features: Array
+    since_s: float = field(default_factory=time.perf_counter)
+
+    def seed(self, purpose: str) -> int:
+        """Of a purpose, at this point of the budget."""
+        world, steps = self.task.world.name, self.progress.control_steps
+        return entropy(self.task.seed, "search", world, purpose, steps) & (2**32 - 1)
+
+    def model(self) -> SuccessModel | None:
+        """Of all outcomes so far."""
+        return SuccessModel.fit(self.features, self.search.table, self.space, self.seed("forest"))
+
+    def round(self) -> None:
+        """Propose trials, carry them out, learn their outcomes."""
+        progress, table = self.progress, self.search.table
+        mean_steps = progress.control_steps / max(len(table), 1)
+        left = self.settings.budget - progress.control_steps
+        fit = self.plan.trials if not mean_steps else int(left / mean_steps) + 1
+        plan = RoundPlan(min(self.plan.trials, fit), self.plan.portfolio)
+        proposed = propose(plan, self.space, table, self.model(), self.features, self.search.rng)
+        if not proposed:
+            proposed = [(place, self.space.random(self.search.rng)) for place in range(len(self.task.failures))]
+            proposed = [trial for trial in proposed if not table.tried(*trial)][: plan.trials]
+        macros = padded([macro for _, macro in proposed], self.learner.limits.decisions)
+        trials = run_trials(
+            self.task.world,
+            self.task.nominal,
+            self.learner.primitives,
+            self.task.failures,
+            np.array([failure for failure, _ in proposed], dtype=np.int64),
+            macros,
+            self.learner.limits,
+            slots=SLOTS,
+        )
+        self.search.add(proposed, trials)
+        progress.control_steps += int(trials.steps.sum())
+        self._tell(trials)
+
+    def _tell(self, trials: Trials) -> None:
+        progress = self.progress
+        counts = np.bincount(trials.actions[trials.actions >= 0], minlength=len(self.card.actions))
+        chosen = {f"chosen:{name}": int(count) for name, count in zip(self.card.actions, counts, strict=True)}
+        row: dict[str, float] = {
+            "round": len(progress.rounds),
+            "control_steps": progress.control_steps,
+            "ended": len(trials),
+            "done": int(trials.success.sum()),
+            "revisited": 0,
+            "settled": 0,
+            "timeouts": trials.timeouts,
+            "reward": float(trials.success.sum()),
+            **chosen,
+        }
+        progress.rounds.append(row)
+        self.report("round", {**row, "seconds": self.seconds()})
+
+    def policy(self) -> Policy:
+        """The network, learnt from the choices so far."""
+        choices = self.search.choices(self.model(), self.features, self.plan.portfolio)
+        states = np.concatenate([self.search.ways[trial] for trial in choices])
+        taken: IntArray = np.concatenate(
+            [np.array(macro[: len(self.search.ways[failure, macro])]) for failure, macro in choices]
+        )
+        updates, batch = self.plan.updates, self.plan.batch
+        hidden = self.settings.ppo.hidden
+        return clone(self.card, states, taken, hidden, updates=updates, batch=batch, seed=self.seed("network"))
+
+    def evaluate(self) -> None:
+        """Learn the network, let it act on failures set apart, keep the best, and what the search remembers."""
+        if not self.search.ways:
+            return
+        progress, start_s = self.progress, self.seconds()
+        policy = self.policy()
+        recoveries = recover(self.task.world, self.task.nominal, agent_of(self.learner, policy.act), self.starts)
+        success = float(recoveries.success.mean())
+        row: dict[str, float] = {
+            "control_steps": progress.control_steps,
+            "success": success,
+            "episodes": len(recoveries.success),
+            "evaluation_steps": int(recoveries.steps.sum()),
+        }
+        progress.evaluations.append(row)
+        progress.evaluation_seconds += self.seconds() - start_s
+        if success >= progress.best:  # of equals the later one knows more
+            progress.best = success
+            facts = {"control_steps": progress.control_steps, "evaluation_success": success}
+            save_agent(self.folder, replace(policy, card=replace(self.card, told=facts)), self.learner)
+        progress.seconds = self.seconds()
+        progress.tensors = self.search.tensors(self.learner.limits.decisions)
+        save_checkpoint(self.folder, progress, self.card)
+        self.report("evaluation", {**row, "seconds": progress.seconds})
+
+    def seconds(self) -> float:
+        """Wall time of the run, those before an interruption included."""
+        return time.perf_counter() - self.since_s
+
+    def is_due(self) -> bool:
+        """Whether an evaluation is."""
+        last = self.progress.evaluations[-1]["control_steps"] if self.progress.evaluations else 0
+        return self.progress.control_steps - last >= self.settings.evaluate_every
+
+
+def search_train(
+    task: ChainTask,
+    learner: Learner,
+    plan: SearchSettings,
+    evaluation_starts: Rows,
+    settings: TrainSettings,
+    card: Card,
+    folder: Path,
+    report: Report,
+) -> Progress:
+    """Search up to the budget; writes the best policy to `folder`. See `p2l.chaining.train.train` for the arguments.
+
+    Raises:
+        ConfigError: nothing that was tried recovered from any failure.
+    """
+    progress = load_checkpoint(folder, card) or Progress()
+    torch.set_num_threads(1)  # the network is small, and sums depend on the number of threads
+    state = first_state(task.world, task.failures, learner.limits)
+    rng = generator(task.seed, "chain_recoveries", task.world.name, "search")
+    search = Search(OutcomeTable(), {}, rng)
+    if progress.tensors:
+        search.restore(progress.tensors)
+        report("resumed", {"control_steps": progress.control_steps})
+    longest = min(plan.longest, learner.limits.decisions - 1)
+    space = MacroSpace(len(learner.primitives), len(card.actions) - len(learner.primitives), longest)
+    features = pair_features(state.values, state.names)
+    run = _Run(
+        task, learner, plan, evaluation_starts, settings, card, folder, report, progress, search, space, features
+    )
+    run.since_s -= progress.seconds
+    while progress.control_steps < settings.budget:
+        run.round()
+        if run.is_due():
+            run.evaluate()
+    if not progress.evaluations or progress.evaluations[-1]["control_steps"] < progress.control_steps:
+        run.evaluate()
+    if not progress.evaluations:
+        raise ConfigError(
+            f"search: none of {len(search.table)} trials, {progress.control_steps} control steps, recovered from any "
+            f"failure of world '{task.world.name}'; give it a larger budget, or longer macros (learner.params.longest)"
+        )
+    return progress

@@ -1,0 +1,194 @@
+"""The learner that searches: macros, their outcomes, what is tried next, and the policy that comes of it."""
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose, assert_array_equal
+
+from p2l.chaining.agent import Agent, load_agent
+from p2l.chaining.execute import recover
+from p2l.chaining.learners.table import make_learner
+from p2l.chaining.mdp import Limits
+from p2l.chaining.ppo import PPOSettings
+from p2l.chaining.search import train as search_module
+from p2l.chaining.search.macros import MacroSpace, macro_of, padded
+from p2l.chaining.search.model import OutcomeTable, SuccessModel, pair_features
+from p2l.chaining.search.network import clone
+from p2l.chaining.search.proposals import RoundPlan, propose
+from p2l.chaining.search.train import search_train
+from p2l.chaining.search.trials import run_trials
+from p2l.chaining.states import action_names, first_state
+from p2l.chaining.train import TrainSettings, card_of
+from p2l.errors import ConfigError
+from p2l.skills.primitives import PRIMITIVES
+
+SPACE = MacroSpace(primitives=4, options=2, longest=3)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_every_macro_ends_with_its_only_option_and_is_no_longer_than_asked(seed):
+    rng = np.random.default_rng(seed)
+    macro = SPACE.random(rng)
+    for _ in range(20):
+        *body, option = macro
+        assert len(body) <= SPACE.longest
+        assert all(0 <= action < SPACE.primitives for action in body)
+        assert SPACE.primitives <= option < SPACE.primitives + SPACE.options
+        assert macro_of(padded([macro], 6)[0]) == macro
+        macro = SPACE.neighbour(macro, rng)
+
+
+def test_a_macro_in_numbers_by_hand():
+    two, one = SPACE.encoding([(1, 1, 3, 5), (4,)])
+    assert_array_equal(two, [0, 2, 0, 1, 0, 1, 0, 1, 0, 0, 0, 0, 0, 0, 0, 1, 0, 0, 4])
+    assert_array_equal(one, [0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 1, 0, 0, 0, 0, 0, 1, 0, 1])
+
+
+def test_differences_are_of_positions_of_the_same_moment():
+    columns = ("a_pos_m[0]", "a_pos_m[1]", "b_pos_m[0]", "b_pos_m[1]", "finger_pos_m", "a_pos_m@-1[0]", "a_pos_m@-1[1]")
+    states = np.array([[1.0, 2.0, 5.0, 7.0, 9.0, 3.0, 4.0]])
+    assert_allclose(pair_features(states, columns), [[1.0, 2.0, 5.0, 7.0, 9.0, 3.0, 4.0, -4.0, -5.0]])
+
+
+def test_what_is_known_of_macros_by_hand():
+    table = OutcomeTable()
+    for failure, macro, well in ((0, (4,), True), (1, (4,), False), (2, (4,), True), (1, (0, 5), False)):
+        table.add(failure, macro, well)
+    assert table.tried(1, (4,))
+    assert not table.tried(0, (0, 5))
+    assert_array_equal(table.solved(4), [True, False, True, False])
+    assert table.winners(9) == [(4,)]
+    assert table.rate((4,)) == pytest.approx(2.3 / 5)
+    assert table.rate((1, 4)) == pytest.approx(0.15)
+
+
+def told(rng, count):
+    """Two macros, of which the first helps where the only column is positive, the second where it is not."""
+    table, features = OutcomeTable(), rng.normal(size=(count, 1))
+    for failure in range(count):
+        macro = (4,) if failure % 2 else (5,)
+        table.add(failure, macro, bool((features[failure, 0] > 0.0) == (macro == (4,))))
+    return table, features
+
+
+def test_the_model_learns_which_macro_helps_where():
+    table, features = told(np.random.default_rng(0), 200)
+    model = SuccessModel.fit(features, table, SPACE, 0)
+    chance = model.probability(np.array([[1.0], [-1.0]]), [(4,), (5,)])
+    assert chance.shape == (2, 2)
+    assert_array_equal(chance.argmax(axis=1), [0, 1])
+    assert (chance.max(axis=1) > 0.8).all()
+    few = model.probability(np.array([[1.0]]), [(4,), (5,)], np.array([0, 1]))
+    assert few.shape == (1, 2)
+    assert SuccessModel.fit(features[:1], OutcomeTable(), SPACE, 0) is None
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 60))
+def test_nothing_is_tried_twice(seed, trials):
+    rng = np.random.default_rng(seed)
+    table, features = told(np.random.default_rng(1), 30)
+    model = SuccessModel.fit(features, table, SPACE, 0)
+    for _ in range(4):
+        proposed = propose(RoundPlan(trials, 10), SPACE, table, model, features, rng)
+        assert len(set(proposed)) == len(proposed) <= trials
+        assert not any(table.tried(*trial) for trial in proposed)
+        for failure, macro in proposed:
+            table.add(failure, macro, False)
+
+
+def test_the_network_learns_what_it_is_shown(task):
+    card = card_of(task, make_learner("search", task, Limits()), "search", "hash")
+    scale = card.normalisation
+    states = scale.centre + scale.scale * np.random.default_rng(0).normal(size=(200, len(card.columns)))
+    actions = np.where(states[:, 0] > scale.centre[0], 2, 5)
+    policy = clone(card, states, actions, (64,), updates=1500, batch=64, seed=0)
+    assert (policy.act(states) == actions).mean() > 0.95
+    again = clone(card, states, actions, (64,), updates=1500, batch=64, seed=0)
+    assert all(torch.equal(again.weights[name], weight) for name, weight in policy.weights.items())
+
+
+def test_an_outcome_is_that_of_a_run_of_its_own(task):
+    """Beside other trials in the pool, or alone in the policy's own loop: the same outcome, states and steps."""
+    nominal, limits = task.nominal, Limits(decisions=4)
+    rng = np.random.default_rng(3)
+    space = MacroSpace(len(PRIMITIVES), len(nominal), 3)
+    failure = rng.integers(len(task.failures), size=24)
+    macros = padded([space.random(rng) for _ in failure], limits.decisions)
+    given_args = task.world, nominal, PRIMITIVES, task.failures
+    trials = run_trials(*given_args, failure, macros, limits, slots=5)
+    assert 0 < trials.success.sum() < len(trials)
+    wide = run_trials(*given_args, failure, macros, limits, slots=24)
+    for one in ("actions", "states", "success", "steps"):
+        assert_array_equal(getattr(trials, one), getattr(wide, one))
+    starts = first_state(task.world, task.failures, limits).values
+    assert_allclose(trials.states[:, 0], starts[failure])
+    for row in range(0, len(trials), 4):
+        count = iter(macros[row])
+        agent = Agent(limits, tuple(PRIMITIVES), lambda states, todo=count: np.array([next(todo)]))
+        alone = recover(task.world, nominal, agent, task.failures.take(failure[[row]]))
+        assert alone.success[0] == trials.success[row]
+        assert alone.steps[0] == trials.steps[row]
+        done = trials.actions[row][trials.actions[row] >= 0]
+        assert_array_equal(alone.actions[0, : len(done)], done)
+
+
+class KilledError(Exception):
+    """As if the process had been killed."""
+
+
+def searched(task, folder, kill_at=()):
+    """Search from nothing, or from what is in `folder`; stop after each checkpoint whose number is in `kill_at`."""
+    settings = TrainSettings(4000, 8, 600, 4, PPOSettings(n_steps=24, batch_size=12, hidden=(16,)))
+    saved, seen = search_module.save_checkpoint, 0
+    rows = []
+
+    def killing(*what):
+        nonlocal seen
+        saved(*what)
+        seen += 1
+        if seen in kill_at:
+            raise KilledError
+
+    while True:
+        learner = make_learner("search", task, Limits(), {"trials": 16, "updates": 150, "longest": 4})
+        card = card_of(task, learner, "search", "hash")
+        torch.manual_seed(99)
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(search_module, "save_checkpoint", killing)
+            try:
+                apart = task.failures.take(range(4))
+                done = search_train(
+                    task, learner, learner.search, apart, settings, card, folder, lambda *row: rows.append(row)
+                )
+            except KilledError:
+                continue
+        return done, (folder / "policy.safetensors").read_bytes(), rows
+
+
+def test_a_search_that_was_killed_comes_to_the_same_policy_to_the_bit_and_recovers(task, tmp_path):
+    whole, policy, rows = searched(task, tmp_path / "whole")
+    assert len(whole.evaluations) > 3
+    assert 4000 <= whole.control_steps < 4000 + 16 * 200
+    often, again, resumed = searched(task, tmp_path / "often", kill_at=(1, 2, 4))
+    assert again == policy
+    assert [kind for kind, _ in resumed].count("resumed") == 3
+    for table in ("rounds", "evaluations"):
+        assert getattr(often, table) == getattr(whole, table)
+    for key, value in whole.tensors.items():
+        assert torch.equal(often.tensors[key], value), key
+    agent, kept = load_agent(tmp_path / "whole", task.world, task.nominal, task.failures)
+    assert kept.card.actions == action_names(PRIMITIVES, task.nominal)
+    others = recover(task.world, task.nominal, agent, task.failures)
+    assert others.success.mean() > 0.5
+    assert {kind for kind, _ in rows} == {"round", "evaluation"}
+
+
+def test_bad_settings_are_refused(task):
+    for params, message in (
+        ({"trials": 0}, "search: trials must be an integer of at least 1, got 0"),
+        ({"longest": 2.5}, "search: longest must be an integer of at least 1, got 2.5"),
+    ):
+        with pytest.raises(ConfigError, match=message):
+            make_learner("search", task, Limits(), params)
