@@ -30,7 +30,7 @@ from p2l.chaining.search.macros import Macro, MacroSpace, macro_of, padded
 from p2l.chaining.search.model import OutcomeTable, SuccessModel, pair_features
 from p2l.chaining.search.network import clone
 from p2l.chaining.search.proposals import RoundPlan, Trial, propose
-from p2l.chaining.search.trials import Trials, run_trials
+from p2l.chaining.search.trials import MacroTrials, run_trials
 from p2l.chaining.search_settings import SearchSettings
 from p2l.chaining.states import first_state
 from p2l.chaining.train import TrainSettings
@@ -44,7 +44,7 @@ Report = Callable[[str, Mapping[str, float]], None]
 
 
 @dataclass
-class Search:
+class SearchMemory:
     """All that a search remembers.
 
     Attributes:
@@ -57,7 +57,7 @@ class Search:
     ways: dict[Trial, Array]
     rng: np.random.Generator
 
-    def add(self, proposed: list[Trial], trials: Trials) -> None:
+    def add(self, proposed: list[Trial], trials: MacroTrials) -> None:
         """The outcomes of a round."""
         for row, (failure, macro) in enumerate(proposed):
             well = bool(trials.success[row])
@@ -123,7 +123,7 @@ class _Run:
     folder: Path
     report: Report
     progress: Progress
-    search: Search
+    search: SearchMemory
     space: MacroSpace
     features: Array
     since_s: float = field(default_factory=time.perf_counter)
@@ -163,7 +163,7 @@ class _Run:
         progress.control_steps += int(trials.steps.sum())
         self._tell(trials)
 
-    def _tell(self, trials: Trials) -> None:
+    def _tell(self, trials: MacroTrials) -> None:
         progress = self.progress
         counts = np.bincount(trials.actions[trials.actions >= 0], minlength=len(self.card.actions))
         chosen = {f"chosen:{name}": int(count) for name, count in zip(self.card.actions, counts, strict=True)}
@@ -246,7 +246,7 @@ def search_train(
     torch.set_num_threads(1)  # the network is small, and sums depend on the number of threads
     state = first_state(task.world, task.failures, learner.limits)
     rng = generator(task.seed, "chain_recoveries", task.world.name, "search")
-    search = Search(OutcomeTable(), {}, rng)
+    search = SearchMemory(OutcomeTable(), {}, rng)
     if progress.tensors:
         search.restore(progress.tensors)
         report("resumed", {"control_steps": progress.control_steps})

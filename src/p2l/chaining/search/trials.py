@@ -19,7 +19,7 @@ from p2l.records import Array, BoolArray, IntArray
 
 
 @dataclass(frozen=True)
-class Trials:
+class MacroTrials:
     """T trials.
 
     Attributes:
@@ -68,7 +68,7 @@ def run_trials(
     *,
     slots: int,
     watch: Callable[[int], None] | None = None,
-) -> Trials:
+) -> MacroTrials:
     """Carry out one macro from each of the failures named.
 
     Args:
@@ -108,4 +108,4 @@ def run_trials(
             trial[ended.slot[ended.over]] = queue.last
             for number in steps[mine[ended.over]].tolist() if watch is not None else ():
                 watch(number)  # type: ignore[misc]
-    return Trials(np.asarray(failure), actions, states, success, steps, pool.timeouts)
+    return MacroTrials(np.asarray(failure), actions, states, success, steps, pool.timeouts)
