@@ -148,7 +148,7 @@ class RobotWorld:
     def observe(self, rows: Rows) -> Observation:
         """What the robot observes; its own commands (target pose, grip) are always part of it."""
         error = self.estimator.error(rows.noise, rows.actions)
-        target = rows.states[:, self.engine.physics_size : self.engine.physics_size + 7]
+        target = self.target(rows)
         own = {"target_pos_m": target[:, :3], "target_quat": target[:, 3:], "grip_command": rows.grip}
         fields = {**self._observation(rows, error), **own}
         if self.hand_sign < 0.0:
@@ -242,6 +242,10 @@ class RobotWorld:
                 )
             raise ConfigError(f"{self.name}: no hinge or slide joint '{name}'; there are: {known}")
         return rows.states[:, self._columns[name]]
+
+    def target(self, rows: Rows) -> Array:
+        """[N, 7] pose of the impedance target, world frame: position in m, quaternion (w, x, y, z)."""
+        return rows.states[:, self.engine.physics_size : self.engine.physics_size + 7]
 
     def arm(self, rows: Rows) -> Array:
         """[N, J] joint angles of the arm, rad."""

@@ -44,6 +44,7 @@ from p2l.worlds.pick_place.bins import (
     QUARTER_M,
     hand_room,
 )
+from p2l.worlds.felt import FELT_SIZE, felt_force
 from p2l.worlds.pick_place.skills import options, quarter_turn
 from p2l.worlds.robot import RobotWorld, physics_of
 
@@ -66,7 +67,8 @@ IMPEDANCE = {
     "joint_damping": 5.0,
 }
 KINDS = ("collision", "dropped")
-_GRASP_HEIGHT, _FORCE = range(2)
+_GRASP_HEIGHT, _FORCE = range(2)  # of the memory: height of the hand at the close command, m; is the force high
+_FELT = slice(2, None)
 
 THESIS_FIELDS = (  # the 46 numbers of the thesis's observation: robosuite's proprioception and object state
     "arm_cos",
@@ -104,7 +106,6 @@ class PickPlace(RobotWorld):
     """
 
     failure_kinds = KINDS
-    memory_size = 2  # height of the hand at the close command, m; whether the force is high
     mode_fields = ("object_pos_m", "grip_pos_m - object_pos_m", "gap_m", "hand_room_m")
     view = View(azimuth_deg=160.0, elevation_deg=-35.0, distance_m=1.3, lookat_m=(0.1, 0.0, 0.9))
 
@@ -127,6 +128,7 @@ class PickPlace(RobotWorld):
         params = {name: value for name, value in locals().items() if name not in ("self", "nthread", "__class__")}
         self._low, self._high = _ranges(wall_clearance_m, x_m=x_m, y_m=y_m, yaw_rad=yaw_rad)
         self._noise_rad, self.force_limit_n = joint_noise_rad, force_limit_n
+        self.version, self.memory_size = version, 2 + (FELT_SIZE if version > 1 else 0)
         arena, bread = BinsArena(bin1_pos=BIN1_POS_M), BreadObject(name="Bread")
         arena.set_origin([0, 0, 0])
         parts = Parts(arena, [bread], BASE_POS_WORLD, pose_sensors={"object": bread.root_body})
@@ -169,7 +171,7 @@ class PickPlace(RobotWorld):
         arm, pos = self.arm(rows), self.read(rows, "object_pos") + error
         velocity = self.engine.qvel(rows.states)
         hand = poses.rotation(body["grip_quat"]).inv()
-        return body | {
+        seen = body | {
             "arm_cos": np.cos(arm),
             "arm_sin": np.sin(arm),
             "arm_vel_rad_s": velocity[:, self._dofs],
@@ -181,6 +183,14 @@ class PickPlace(RobotWorld):
             "object_in_grip_quat": poses.quat(hand * poses.rotation(self.read(rows, "object_quat"))),
             "force_high": rows.memory[:, _FORCE],
             "actions": rows.actions,
+        }
+        if self.version == 1:
+            return seen
+        return seen | {
+            "object_off_hand_m": pos - body["grip_pos_m"],
+            "object_to_quarter_m": QUARTER_M - pos,
+            "hand_to_target_m": self.target(rows)[:, :3] - body["grip_pos_m"],
+            "felt_force": rows.memory[:, _FELT],
         }
 
     def _body(self, rows: Rows) -> dict[str, Array]:
@@ -200,7 +210,11 @@ class PickPlace(RobotWorld):
         kind = np.full(len(after), NO_FAILURE, dtype=np.int64)
         kind[empty] = KINDS.index("dropped")
         kind[high] = KINDS.index("collision")
-        return kind, np.stack([grasp_height, high], axis=1).astype(np.float64)
+        memory = np.stack([grasp_height, high], axis=1).astype(np.float64)
+        if self.version > 1:
+            wrist = self.engine.sensor(chunk, WRIST_FORCE).mean(axis=1)
+            memory = np.concatenate([memory, felt_force(before.memory[:, _FELT], wrist)], axis=1)
+        return kind, memory
 
     def goal(self, rows: Rows) -> BoolArray:
         """The test of robosuite: the bread in its quarter and low, and the hand away from it."""

@@ -18,7 +18,7 @@ from p2l.worlds.shelf.hold import UPRIGHT, upright_distance
 from p2l.worlds.shelf.scene import DEPTH_M, TABLE_M, Thing
 from p2l.worlds.shelf.starts import APPROACH_M, AWAY_M, CARRY_M
 
-CLEARANCE_M = 0.003  # between what is carried and the shelf's floor
+CLEARANCES_M = (0.003, 0.0005)  # between what is carried and the shelf's floor, by version of the world
 BEFORE_M = 0.06  # from the thing's near side back to the pose before the grasp
 NEAR_M = 0.01  # a thing that is no farther above the table stands on it
 ASIDE_M = 0.05  # Place brings it to the middle of the shelf from that far
@@ -28,7 +28,7 @@ STEPS = {"pick": (8, 10, 8, 10), "move": (18,), "place": (14, 5, 6, 14)}  # cont
 SETTLE = {"pick": (0, 2, 8, 2), "move": (6,), "place": (2, 1, 6, 2)}  # of these, standing still at the end
 
 
-def options(thing: Thing, hand_quat: Array) -> tuple[Follow, ...]:
+def options(thing: Thing, hand_quat: Array, clearance_m: float) -> tuple[Follow, ...]:
     """The nominal chain for a thing, with the hand turned as `hand_quat` [4]."""
     mouth = DEPTH_M / 2 + thing.half_depth_m + APPROACH_M
 
@@ -44,13 +44,13 @@ def options(thing: Thing, hand_quat: Array) -> tuple[Follow, ...]:
 
     def move(observation: Observation) -> Waypoints:
         goal = grip_goal(observation)
-        return way([goal + [0.0, -mouth, CLEARANCE_M]], [1.0])
+        return way([goal + [0.0, -mouth, clearance_m]], [1.0])
 
     def place(observation: Observation) -> Waypoints:
         target, goal = observation["target_pos_m"], grip_goal(observation)
         deep = np.clip(target[:, 1] + mouth, goal[:, 1], goal[:, 1] + BEYOND_M)
         inside = np.stack([goal[:, 0], deep, target[:, 2]], axis=1)
-        down = inside - [0.0, 0.0, CLEARANCE_M]
+        down = inside - [0.0, 0.0, clearance_m]
         return way([inside, down, down, down - [0.0, AWAY_M, 0.0]], [1.0, 1.0, 0.0, 0.0])
 
     def grip_goal(observation: Observation) -> Array:
@@ -67,7 +67,7 @@ def options(thing: Thing, hand_quat: Array) -> tuple[Follow, ...]:
     def can_move(truth: Privileged) -> BoolArray:
         """It is held upright, and hangs so that it fits between floor and roof where Move goes."""
         hangs = truth["grip_pos_m"][:, 2] - truth["object_pos_m"][:, 2] - thing.grip_above_m
-        return upright_in_hand(truth) & fits(truth, CLEARANCE_M - hangs - SAG_M)
+        return upright_in_hand(truth) & fits(truth, clearance_m - hangs - SAG_M)
 
     def can_place(truth: Privileged) -> BoolArray:
         """It is held upright in front of the shelf or inside, and fits between floor and roof as it is."""

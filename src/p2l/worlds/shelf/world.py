@@ -35,10 +35,11 @@ from p2l.contracts.world import NO_FAILURE, View
 from p2l.records import Array, BoolArray, IntArray
 from p2l.sim.batch import Chunk
 from p2l.sim.scene import FINGER_OPEN_M, FINGERS, WRIST_FORCE, model_variant
+from p2l.worlds.felt import FELT_SIZE, felt_force
 from p2l.worlds.robot import Fields, RobotWorld, physics_of
 from p2l.worlds.shelf import hold as hand
 from p2l.worlds.shelf.scene import CLUTTER, DEPTH_M, INNER_WIDTH_M, TABLE_M, Clutter, compose, find
-from p2l.worlds.shelf.skills import options
+from p2l.worlds.shelf.skills import CLEARANCES_M, options
 from p2l.worlds.shelf.starts import interval, positive, posture, starts_of, vector
 
 IMPEDANCE = {"stiffness_linear": 2000.0, "stiffness_angular": 200.0, "damping_linear": 180.0, "damping_angular": 20.0}
@@ -81,7 +82,6 @@ class Shelf(RobotWorld):
         ConfigError: unknown arm or object, a range that is reversed or out of reach, a limit that is not positive.
     """
 
-    memory_size = hand.MEMORY_SIZE
     view = View(azimuth_deg=150.0, elevation_deg=-20.0, distance_m=1.2, lookat_m=(0.0, 0.12, 0.95))
     mode_fields = ("object_pos_m - shelf_pos_m", "object_in_hand_m", "slip_rad", "gap_m")
 
@@ -131,6 +131,7 @@ class Shelf(RobotWorld):
         self.bank = compose(arm, self.thing, physics, heavy, sizes if clutter else None, models)
         self.failure_kinds = (*KINDS, "clutter_rotated") if clutter else KINDS
         self._clutter: tuple[str, ...] = CLUTTER if clutter else ()
+        self.version, self.memory_size = version, hand.MEMORY_SIZE + (FELT_SIZE if version > 1 else 0)
         self.force_limit_n, self.clutter_limit_rad = force_limit_n, clutter_limit_rad
         self.slip_limit_rad, self.slip_limit_m, self._noise_rad = slip_limit_rad, slip_limit_m, joint_noise_rad
         name = "cluttered_shelf" if clutter else "shelf"
@@ -199,11 +200,25 @@ class Shelf(RobotWorld):
 
     def _observation(self, rows: Rows, error: Array) -> Fields:
         body = self._body(rows)
-        return body | {
-            "object_pos_m": self.read(rows, "object_pos") + np.pad(error[:, :2], ((0, 0), (1, 0))),
-            "shelf_pos_m": body["shelf_pos_m"] + (error[:, 2:] if error.shape[1] > 2 else 0.0),
+        pos = self.read(rows, "object_pos") + np.pad(error[:, :2], ((0, 0), (1, 0)))
+        shelf = body["shelf_pos_m"] + (error[:, 2:] if error.shape[1] > 2 else 0.0)
+        seen = body | {
+            "object_pos_m": pos,
+            "shelf_pos_m": shelf,
             "force_high": rows.memory[:, hand.FORCE] > self.force_limit_n,
             "actions": rows.actions,
+        }
+        return seen if self.version == 1 else seen | self._relative(rows, body["grip_pos_m"], pos, shelf)
+
+    def _relative(self, rows: Rows, grip: Array, pos: Array, shelf: Array) -> Fields:
+        """Where hand, thing and shelf are to one another, alike for every thing, and what was felt."""
+        planned = [0.0, self.thing.grip_before_m, -self.thing.grip_above_m]  # of the thing, from the hand that holds it
+        return {
+            "hand_to_shelf_m": shelf - grip,
+            "thing_off_hold_m": pos - grip - planned,
+            "bottom_above_floor_m": pos[:, 2] - self.thing.bottom_m - shelf[:, 2],
+            "hand_to_target_m": self.target(rows)[:, :3] - grip,
+            "felt_force": rows.memory[:, hand.MEMORY_SIZE :],
         }
 
     def _speed(self, rows: Rows) -> Array:
@@ -223,7 +238,8 @@ class Shelf(RobotWorld):
     def monitor(self, before: Rows, after: Rows, chunk: Chunk, command: Command) -> tuple[IntArray, Array]:
         """The detectors; see `KINDS` and the module's notes 1 and 2."""
         past = before.memory
-        force = np.linalg.norm(self.engine.sensor(chunk, WRIST_FORCE).mean(axis=1), axis=1)
+        wrist = self.engine.sensor(chunk, WRIST_FORCE).mean(axis=1)
+        force = np.linalg.norm(wrist, axis=1)
         high = force > self.force_limit_n
         close_command, pose = command.grip > 0.5, self._in_hand(after)
         up = self.read(after, "object_pos")[:, 2] > TABLE_M + self.thing.bottom_m + LIFTED_M
@@ -240,6 +256,8 @@ class Shelf(RobotWorld):
         kind[(memory[:, hand.LIFT] > 0) & self._lies(after) & ~self._lies(before)] = ON_TABLE
         kind[empty] = DROPPED
         memory[:, hand.FORCE], memory[:, hand.FLAG] = force, high | slip
+        if self.version > 1:
+            memory[:, hand.MEMORY_SIZE :] = felt_force(past[:, hand.MEMORY_SIZE :], wrist)
         return kind, memory
 
     def goal(self, rows: Rows) -> BoolArray:
@@ -256,7 +274,7 @@ class Shelf(RobotWorld):
 
     def nominal_options(self) -> tuple[Option, ...]:
         """Pick, move, place."""
-        return options(self.thing, self.hand_quat)
+        return options(self.thing, self.hand_quat, CLEARANCES_M[min(self.version, 2) - 1])
 
     def delivery_pos(self, truth: Privileged) -> Array:
         """On the board: half the box's height above the shelf's floor."""
