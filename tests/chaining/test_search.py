@@ -103,9 +103,9 @@ def test_the_network_learns_what_it_is_shown(task):
     scale = card.normalisation
     states = scale.centre + scale.scale * np.random.default_rng(0).normal(size=(200, len(card.columns)))
     actions = np.where(states[:, 0] > scale.centre[0], 2, 5)
-    policy = clone(card, states, actions, (64,), updates=1500, batch=64, seed=0)
+    policy = clone(card, states, actions, np.ones(200), (64,), updates=1500, batch=64, seed=0)
     assert (policy.act(states) == actions).mean() > 0.95
-    again = clone(card, states, actions, (64,), updates=1500, batch=64, seed=0)
+    again = clone(card, states, actions, np.ones(200), (64,), updates=1500, batch=64, seed=0)
     assert all(torch.equal(again.weights[name], weight) for name, weight in policy.weights.items())
 
 
@@ -170,7 +170,7 @@ def searched(task, folder, kill_at=()):
 def test_a_search_that_was_killed_comes_to_the_same_policy_to_the_bit_and_recovers(task, tmp_path):
     whole, policy, rows = searched(task, tmp_path / "whole")
     assert len(whole.evaluations) > 3
-    assert 4000 <= whole.control_steps < 4000 + 16 * 200
+    assert 3000 < whole.control_steps <= 4000 + 200  # less than a quarter of a round is left over
     often, again, resumed = searched(task, tmp_path / "often", kill_at=(1, 2, 4))
     assert again == policy
     assert [kind for kind, _ in resumed].count("resumed") == 3

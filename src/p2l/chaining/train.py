@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -19,12 +19,11 @@ import numpy as np
 import torch
 from stable_baselines3.common.callbacks import BaseCallback
 
-from p2l.chaining.agent import agent_of, save_agent
 from p2l.chaining.checkpoint import Progress, load_checkpoint, save_checkpoint
-from p2l.chaining.execute import recover
 from p2l.chaining.learner import ChainTask, Learner, no_failures
 from p2l.chaining.policy import NARROWEST, Card, Normalisation
 from p2l.chaining.ppo import PoolPPO, PPOSettings
+from p2l.chaining.selection import judge_and_keep
 from p2l.chaining.states import action_names, first_state
 from p2l.chaining.weights import export_policy, restore, tensors
 from p2l.contracts.rows import Rows
@@ -252,23 +251,10 @@ class _Watcher(BaseCallback):
 
     def _evaluate(self) -> None:
         progress, start_s = self._progress, self._seconds()
+        progress.control_steps = self.model.num_timesteps
         policy = export_policy(self.model, self._card)
-        recoveries = recover(
-            self._task.world, self._task.nominal, agent_of(self._learner, policy.act), self._evaluation_starts
-        )
-        success = float(recoveries.success.mean())
-        row: dict[str, float] = {
-            "control_steps": self.model.num_timesteps,
-            "success": success,
-            "episodes": len(recoveries.success),
-        }
-        row["evaluation_steps"] = int(recoveries.steps.sum())
-        progress.evaluations.append(row)
+        row = judge_and_keep(policy, self._task, self._learner, self._evaluation_starts, progress, self._folder)
         progress.evaluation_seconds += self._seconds() - start_s
-        if success >= progress.best:  # of equals the later one has more training
-            progress.best = success
-            facts = {"control_steps": self.model.num_timesteps, "evaluation_success": success}
-            save_agent(self._folder, replace(policy, card=replace(self._card, told=facts)), self._learner)
         self._is_due = True
         progress.seconds = self._seconds()
         self._report("evaluation", {**row, "seconds": progress.seconds})

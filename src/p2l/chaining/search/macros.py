@@ -14,6 +14,7 @@ from p2l.records import Array, IntArray
 
 Macro = tuple[int, ...]
 GO_ON = 0.65  # chance of one primitive more in a random macro
+AGAIN = 0.5  # chance that it is the one before once more: what frees a hand mostly takes more than one step
 
 
 @dataclass(frozen=True)
@@ -31,10 +32,13 @@ class MacroSpace:
     longest: int
 
     def random(self, rng: np.random.Generator) -> Macro:
-        """Short ones are more likely than long ones; every macro can come."""
+        """Short ones are more likely than long ones, and so is going on in a direction; every macro can come."""
         length = min(int(rng.geometric(1.0 - GO_ON)) - 1, self.longest)
-        body = rng.integers(self.primitives, size=length) if length else np.zeros(0, dtype=np.int64)
-        return (*body.tolist(), self._option(rng))
+        body: list[int] = []
+        for _ in range(length):
+            again = body and rng.random() < AGAIN
+            body.append(body[-1] if again else int(rng.integers(self.primitives)))
+        return (*body, self._option(rng))
 
     def neighbour(self, macro: Macro, rng: np.random.Generator) -> Macro:
         """With a primitive more, one fewer, another one, or another option."""

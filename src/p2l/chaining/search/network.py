@@ -17,7 +17,15 @@ from p2l.records import Array, IntArray
 
 
 def clone(
-    card: Card, states: Array, actions: IntArray, hidden: Sequence[int], *, updates: int, batch: int, seed: int
+    card: Card,
+    states: Array,
+    actions: IntArray,
+    weights: Array,
+    hidden: Sequence[int],
+    *,
+    updates: int,
+    batch: int,
+    seed: int,
 ) -> Policy:
     """The policy that chooses `actions` [K] in `states` [K, O], in half precision, as PPO's are written.
 
@@ -25,6 +33,7 @@ def clone(
         card: of the policy.
         states: [K, O].
         actions: [K].
+        weights: [K] how much each of them counts.
         hidden: sizes of the hidden layers.
         updates: of Adam, whose step falls to 0.
         batch: decisions of an update.
@@ -39,17 +48,18 @@ def clone(
     network = nn.Sequential(*[part for layer in layers for part in (layer, nn.Tanh())][:-1])
     scale = card.normalisation
     inputs = torch.tensor(np.clip((states - scale.centre) / scale.scale, -CLIP, CLIP), dtype=torch.float32)
-    targets = torch.tensor(actions)
+    targets, shares = torch.tensor(actions), torch.tensor(weights / weights.mean(), dtype=torch.float32)
     optimiser = torch.optim.Adam(network.parameters(), lr=1e-3)
     falling = torch.optim.lr_scheduler.LinearLR(optimiser, 1.0, 0.01, total_iters=updates)
     for _ in range(updates):
         some = torch.randint(len(inputs), (min(batch, len(inputs)),), generator=generator)
-        loss = nn.functional.cross_entropy(network(inputs[some]), targets[some])
+        losses = nn.functional.cross_entropy(network(inputs[some]), targets[some], reduction="none")
+        loss = (shares[some] * losses).mean()
         optimiser.zero_grad()
         loss.backward()
         optimiser.step()
         falling.step()
-    weights: dict[str, torch.Tensor] = {}
+    parts: dict[str, torch.Tensor] = {}
     for index, layer in enumerate(layers):
-        weights |= {f"w{index}": layer.weight.detach().half(), f"b{index}": layer.bias.detach().half()}
-    return Policy(card, weights)
+        parts |= {f"w{index}": layer.weight.detach().half(), f"b{index}": layer.bias.detach().half()}
+    return Policy(card, parts)

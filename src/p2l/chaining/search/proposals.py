@@ -1,9 +1,9 @@
 """Which macro to try next on which failure.
 
-Half of a round goes to failures that nothing has recovered from yet: what recovered from others and is thought to fit,
-a neighbour of that, or something random. The other half teaches the model where the good macros hold: on any failure,
-the macro that a few trees, drawn anew for each, believe in most (Thompson sampling), so that what is uncertain and may
-be best is tried first.
+Failures that nothing has recovered from come first: what recovered from others and is thought to fit, a neighbour of
+that, or something random. The more of them are recovered from, the more trials teach the model where the good macros
+hold: on any failure, the macro that a few trees, drawn anew for each round, believe in most (Thompson sampling), so
+that what is uncertain and may be best is tried first.
 
 Axis letters: N failures, K macros.
 """
@@ -19,8 +19,10 @@ from p2l.chaining.search.model import OutcomeTable, SuccessModel
 from p2l.records import Array, BoolArray, IntArray
 
 OPINION = 5  # trees that a draw asks
-KNOWN, NEIGHBOUR = 0.5, 0.8  # cumulative chances of a known macro and of a neighbour; the rest is random
-SPREAD = 8.0  # mean rank of the macro whose neighbour is tried
+KNOWN, NEIGHBOUR = 0.6, 0.85  # cumulative chances of a known macro and of a neighbour; the rest is random
+SPREAD = 4.0  # mean rank of the macro whose neighbour is tried
+UNCERTAIN = 0.6  # share of a round that teaches the model once everything is recovered from
+DRAWS = 20  # of a random macro, until one is new
 
 
 @dataclass(frozen=True)
@@ -47,7 +49,7 @@ def propose(
     features: Array,
     rng: np.random.Generator,
 ) -> list[Trial]:
-    """Trials of a round, none of them known or named twice; fewer where nothing new comes up.
+    """Trials of a round, none of them known or named twice; none where nothing new comes up.
 
     Args:
         plan: what a round may choose from.
@@ -59,21 +61,22 @@ def propose(
     """
     solved = table.solved(len(features))
     winners = table.winners(plan.portfolio)
-    hard = rng.permutation(np.flatnonzero(~solved))[: plan.trials // 2]
+    teaching = int(plan.trials * UNCERTAIN * solved.mean()) if winners and model is not None else 0
+    hard = rng.permutation(np.flatnonzero(~solved))[: plan.trials - teaching]
     any_ones = rng.permutation(len(features))[: plan.trials - len(hard)]
     trials: dict[Trial, None] = {}
     beliefs = model.probability(features[hard], winners) if model is not None and winners and len(hard) else None
     for row, failure in enumerate(hard.tolist()):
-        scores = None if beliefs is None else beliefs[row]
-        macro = _hard(failure, space, table, winners, scores, rng)
+        macro = _hard(failure, space, table, winners, None if beliefs is None else beliefs[row], rng)
         if not table.tried(failure, macro):
             trials[failure, macro] = None
     for failure, macro in _uncertain(any_ones, table, winners, model, features, rng):
         trials[failure, macro] = None
-    if not trials:  # the first round, or everything that is known has been tried everywhere
-        drawn = [(int(failure), space.random(rng)) for failure in any_ones]
-        trials = {trial: None for trial in drawn if not table.tried(*trial)}
-    return list(trials)
+    if not trials:  # everything that is known has been tried everywhere
+        for failure in rng.permutation(len(features))[: plan.trials].tolist():
+            drawn = [space.random(rng) for _ in range(DRAWS)]
+            trials |= {(failure, macro): None for macro in drawn if not table.tried(failure, macro)}
+    return list(trials)[: plan.trials]
 
 
 def _hard(

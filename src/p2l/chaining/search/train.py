@@ -1,7 +1,7 @@
 """Search a budget of control steps for macros that recover, and learn the policy that chooses among them.
 
 Rounds of trials follow one another (`proposals`); from time to time the network learns, for every failure that was
-recovered from, the macro that the model believes in most among those that did, and is evaluated on failures set apart.
+recovered from, the macros that did, those most that the model believes in, and is evaluated on failures set apart.
 
 1. This is none of the thesis's methods: its MDP, its actions and its episodes, but no policy gradient.
 2. A control step is a control step: those of trials count like those of PPO's episodes, those of evaluations do not.
@@ -14,16 +14,14 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import torch
 
-from p2l.chaining.agent import agent_of, save_agent
 from p2l.chaining.checkpoint import Progress, load_checkpoint, save_checkpoint
-from p2l.chaining.execute import recover
 from p2l.chaining.learner import ChainTask, Learner
 from p2l.chaining.policy import Card, Policy
 from p2l.chaining.search.macros import Macro, MacroSpace, macro_of, padded
@@ -32,6 +30,7 @@ from p2l.chaining.search.network import clone
 from p2l.chaining.search.proposals import RoundPlan, Trial, propose
 from p2l.chaining.search.trials import MacroTrials, run_trials
 from p2l.chaining.search_settings import SearchSettings
+from p2l.chaining.selection import judge_and_keep
 from p2l.chaining.states import first_state
 from p2l.chaining.train import TrainSettings
 from p2l.contracts.rows import Rows
@@ -40,6 +39,8 @@ from p2l.records import Array, IntArray
 from p2l.seeding import entropy, generator, generator_state, restore_generator
 
 SLOTS = 128  # trials at once; a wider batch is faster and changes nothing
+PREFERENCE = 0.05  # difference of probabilities that makes a macro count e times as much
+LEAST_ROUND = 0.25  # of a round's trials: with fewer, the forest would be fitted for next to nothing
 Report = Callable[[str, Mapping[str, float]], None]
 
 
@@ -93,21 +94,25 @@ class SearchMemory:
             ways = np.split(arrays["states"], np.cumsum(arrays["lengths"])[:-1])
             self.ways = dict(zip(won, ways, strict=True))
 
-    def choices(self, model: SuccessModel | None, features: Array, portfolio: int) -> list[Trial]:
-        """For every failure that was recovered from, of the macros that did, the one most likely to do so again."""
+    def examples(self, model: SuccessModel | None, features: Array, portfolio: int) -> tuple[list[Trial], Array]:
+        """Trials [W] that recovered, and how much each counts [W]: by how much the model prefers it for its failure.
+
+        Of a failure's macros the general ones count, if there are some: what recovered once may have been luck.
+        """
+        general = {macro: place for place, macro in enumerate(self.table.winners(portfolio))}
         by_failure: dict[int, list[Macro]] = {}
         for failure, macro in self.ways:
             by_failure.setdefault(failure, []).append(macro)
-        general = set(self.table.winners(portfolio))
-        choices = []
-        for failure, macros in by_failure.items():
-            few = [macro for macro in macros if macro in general] or macros
-            if model is None:
-                choices.append((failure, max(few, key=self.table.rate)))
-            else:
-                chances = model.probability(features[[failure]], few)[0]
-                choices.append((failure, few[int(chances.argmax())]))
-        return choices
+        trials, beliefs = [], []
+        rates = np.array([self.table.rate(macro) for macro in general])
+        chances = None if model is None else model.probability(features[list(by_failure)], list(general))
+        for row, (failure, macros) in enumerate(by_failure.items()):
+            few = [macro for macro in macros if macro in general]
+            places = [general[macro] for macro in few]
+            belief = (rates if chances is None else chances[row])[places]
+            trials += [(failure, macro) for macro in few or macros]
+            beliefs += list(np.exp((belief - belief.max()) / PREFERENCE)) if few else [1.0] * len(macros)
+        return trials, np.array(beliefs)
 
 
 @dataclass
@@ -127,6 +132,8 @@ class _Run:
     space: MacroSpace
     features: Array
     since_s: float = field(default_factory=time.perf_counter)
+    fitted: int = 0
+    forest: SuccessModel | None = None
 
     def seed(self, purpose: str) -> int:
         """Of a purpose, at this point of the budget."""
@@ -134,20 +141,24 @@ class _Run:
         return entropy(self.task.seed, "search", world, purpose, steps) & (2**32 - 1)
 
     def model(self) -> SuccessModel | None:
-        """Of all outcomes so far."""
-        return SuccessModel.fit(self.features, self.search.table, self.space, self.seed("forest"))
+        """Of all outcomes so far, fitted once for a round and an evaluation."""
+        if self.fitted != len(self.search.table):
+            self.fitted = len(self.search.table)
+            self.forest = SuccessModel.fit(self.features, self.search.table, self.space, self.seed("forest"))
+        return self.forest
 
-    def round(self) -> None:
-        """Propose trials, carry them out, learn their outcomes."""
-        progress, table = self.progress, self.search.table
-        mean_steps = progress.control_steps / max(len(table), 1)
+    def trials(self) -> int:
+        """Of the next round, so that the budget is not exceeded; 0 where it hardly suffices for another one."""
+        plan, progress = self.plan, self.progress
+        if not len(self.search.table):
+            return plan.trials
         left = self.settings.budget - progress.control_steps
-        fit = self.plan.trials if not mean_steps else int(left / mean_steps) + 1
-        plan = RoundPlan(min(self.plan.trials, fit), self.plan.portfolio)
-        proposed = propose(plan, self.space, table, self.model(), self.features, self.search.rng)
-        if not proposed:
-            proposed = [(place, self.space.random(self.search.rng)) for place in range(len(self.task.failures))]
-            proposed = [trial for trial in proposed if not table.tried(*trial)][: plan.trials]
+        fit = int(left * len(self.search.table) / progress.control_steps)
+        return min(plan.trials, fit) if fit >= plan.trials * LEAST_ROUND else 0
+
+    def round(self, proposed: list[Trial]) -> None:
+        """Carry out proposed trials, learn their outcomes."""
+        progress = self.progress
         macros = padded([macro for _, macro in proposed], self.learner.limits.decisions)
         trials = run_trials(
             self.task.world,
@@ -182,36 +193,30 @@ class _Run:
         self.report("round", {**row, "seconds": self.seconds()})
 
     def policy(self) -> Policy:
-        """The network, learnt from the choices so far."""
-        choices = self.search.choices(self.model(), self.features, self.plan.portfolio)
-        states = np.concatenate([self.search.ways[trial] for trial in choices])
-        taken: IntArray = np.concatenate(
-            [np.array(macro[: len(self.search.ways[failure, macro])]) for failure, macro in choices]
+        """The network, learnt from the examples so far."""
+        trials, preference = self.search.examples(self.model(), self.features, self.plan.portfolio)
+        ways = [self.search.ways[trial] for trial in trials]
+        taken: IntArray = np.concatenate([macro[: len(way)] for (_, macro), way in zip(trials, ways, strict=True)])
+        weights = np.repeat(preference, [len(way) for way in ways])
+        updates, batch, hidden = self.plan.updates, self.plan.batch, self.settings.ppo.hidden
+        return clone(
+            self.card,
+            np.concatenate(ways),
+            taken,
+            weights,
+            hidden,
+            updates=updates,
+            batch=batch,
+            seed=self.seed("network"),
         )
-        updates, batch = self.plan.updates, self.plan.batch
-        hidden = self.settings.ppo.hidden
-        return clone(self.card, states, taken, hidden, updates=updates, batch=batch, seed=self.seed("network"))
 
     def evaluate(self) -> None:
         """Learn the network, let it act on failures set apart, keep the best, and what the search remembers."""
         if not self.search.ways:
             return
         progress, start_s = self.progress, self.seconds()
-        policy = self.policy()
-        recoveries = recover(self.task.world, self.task.nominal, agent_of(self.learner, policy.act), self.starts)
-        success = float(recoveries.success.mean())
-        row: dict[str, float] = {
-            "control_steps": progress.control_steps,
-            "success": success,
-            "episodes": len(recoveries.success),
-            "evaluation_steps": int(recoveries.steps.sum()),
-        }
-        progress.evaluations.append(row)
+        row = judge_and_keep(self.policy(), self.task, self.learner, self.starts, progress, self.folder)
         progress.evaluation_seconds += self.seconds() - start_s
-        if success >= progress.best:  # of equals the later one knows more
-            progress.best = success
-            facts = {"control_steps": progress.control_steps, "evaluation_success": success}
-            save_agent(self.folder, replace(policy, card=replace(self.card, told=facts)), self.learner)
         progress.seconds = self.seconds()
         progress.tensors = self.search.tensors(self.learner.limits.decisions)
         save_checkpoint(self.folder, progress, self.card)
@@ -257,8 +262,11 @@ def search_train(
         task, learner, plan, evaluation_starts, settings, card, folder, report, progress, search, space, features
     )
     run.since_s -= progress.seconds
-    while progress.control_steps < settings.budget:
-        run.round()
+    while trials := run.trials():
+        proposed = propose(RoundPlan(trials, plan.portfolio), space, search.table, run.model(), features, rng)
+        if not proposed:
+            break
+        run.round(proposed)
         if run.is_due():
             run.evaluate()
     if not progress.evaluations or progress.evaluations[-1]["control_steps"] < progress.control_steps:

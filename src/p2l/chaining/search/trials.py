@@ -5,7 +5,7 @@ Axis letters: T trials, D decisions, O state columns, K rows.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -67,7 +67,6 @@ def run_trials(
     limits: Limits,
     *,
     slots: int,
-    watch: Callable[[int], None] | None = None,
 ) -> MacroTrials:
     """Carry out one macro from each of the failures named.
 
@@ -80,7 +79,6 @@ def run_trials(
         macros: [T, D] actions, −1 after the last.
         limits: bounds of an episode.
         slots: trials at once; they change no outcome.
-        watch: called with the control steps of every trial that ends.
     """
     count, width = len(failure), limits.decisions
     queue = _Queue(rows, np.asarray(failure))
@@ -106,6 +104,4 @@ def run_trials(
         if ended.over.any():
             left -= int(ended.over.sum())
             trial[ended.slot[ended.over]] = queue.last
-            for number in steps[mine[ended.over]].tolist() if watch is not None else ():
-                watch(number)  # type: ignore[misc]
     return MacroTrials(np.asarray(failure), actions, states, success, steps, pool.timeouts)

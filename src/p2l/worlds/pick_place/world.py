@@ -33,6 +33,7 @@ from p2l.records import Array, BoolArray, IntArray
 from p2l.sim.batch import Chunk
 from p2l.sim.posture import reach
 from p2l.sim.scene import WRIST_FORCE, Parts, build
+from p2l.worlds.felt import FELT_SIZE, felt_force
 from p2l.worlds.pick_place.bins import (
     BIN1_POS_M,
     BIN2_POS_M,
@@ -44,7 +45,6 @@ from p2l.worlds.pick_place.bins import (
     QUARTER_M,
     hand_room,
 )
-from p2l.worlds.felt import FELT_SIZE, felt_force
 from p2l.worlds.pick_place.skills import options, quarter_turn
 from p2l.worlds.robot import RobotWorld, physics_of
 
@@ -122,7 +122,7 @@ class PickPlace(RobotWorld):
         joint_noise_rad: float = 0.02,
         force_limit_n: float = 50.0,
         timestep_s: float = 0.005,
-        version: int = 1,
+        version: int = 2,
         nthread: int = 2,
     ) -> None:
         params = {name: value for name, value in locals().items() if name not in ("self", "nthread", "__class__")}

@@ -114,15 +114,23 @@ THINGS: Mapping[str, Thing] = {
 }
 
 
-def find(name: str) -> Thing:
-    """The thing of that name.
+# From version 2 of the worlds on; an arm with motors of limited torque, and a hold that holds, fail less with the box
+# held as deep as in version 1 (nominal success 53 instead of the thesis's 46 %).
+HELD_FARTHER_OUT: Mapping[str, float] = {"box": 0.0475}
+
+
+def find(name: str, version: int = 1) -> Thing:
+    """The thing of that name, as it is in a version of the worlds.
 
     Raises:
         ConfigError: unknown; the message lists the known ones.
     """
     if name not in THINGS:
         raise ConfigError(f"unknown object '{name}'; known objects: {', '.join(THINGS)}")
-    return THINGS[name]
+    thing = THINGS[name]
+    if version == 1:
+        return thing
+    return dataclasses.replace(thing, grip_before_m=HELD_FARTHER_OUT.get(name, thing.grip_before_m))
 
 
 def compose(

@@ -11,7 +11,7 @@ Where the thesis is silent, and deviations from it:
    "collision_slip" as in the thesis.
 3. "Upright" is the distance of quaternions after the best turn about the vertical, which is what upright means.
 4. Success in the cluttered shelf includes that no clutter was turned beyond its limit.
-5. Clutter stands 0.07 to 0.10 m to either side of the middle (the author's ±0.1 m leaves the fingers all the room
+5. Clutter stands 0.069 to 0.10 m to either side of the middle (the author's ±0.1 m leaves the fingers all the room
    they need, and nothing would ever be turned) and nowhere nearer to the mouth than the middle.
 6. `shelf_sigma_m` misplaces the shelf instead of the thing, which is how failures are induced in section 5.4.5.
 7. Bottle and can have robosuite's shapes with the density of the box; robosuite's own weigh 15 g.
@@ -100,7 +100,7 @@ class Shelf(RobotWorld):
         shelf_y_m: Sequence[float] = (0.30, 0.35),
         shelf_lift_m: Sequence[float] = (0.05, 0.10),
         shelf_height_m: Sequence[float] = (0.21, 0.30),
-        clutter_x_m: Sequence[float] = (0.07, 0.10),
+        clutter_x_m: Sequence[float] = (0.069, 0.10),
         clutter_y_m: Sequence[float] = (0.30, 0.35),
         density_kg_m3: Sequence[float] = (200.0, 300.0),
         clutter_half_y_m: Sequence[float] = (0.05, 0.06),
@@ -113,12 +113,13 @@ class Shelf(RobotWorld):
         clutter_limit_rad: float = 0.1,
         models: int = 16,
         timestep_s: float = 1.0 / 240.0,
-        version: int = 1,
+        version: int = 2,
         nthread: int = 2,
     ) -> None:
         params = {name: value for name, value in locals().items() if name not in ("self", "nthread", "__class__")}
         positive(params, "force_limit_n", "slip_limit_rad", "slip_limit_m", "clutter_limit_rad", "models")
-        self.thing, self.starts = find(object), starts_of(find(object), params)
+        self.thing = find(object, version)
+        self.starts = starts_of(self.thing, params)
         sigma = (*vector("sigma_m", sigma_m, 2), *vector("shelf_sigma_m", shelf_sigma_m, 3))
         sigma = sigma if any(sigma[2:]) else sigma[:2]  # without errors of the shelf, no numbers are drawn for them
         heavy = interval("density_kg_m3", density_kg_m3, (1.0, 2000.0))
@@ -202,13 +203,13 @@ class Shelf(RobotWorld):
         body = self._body(rows)
         pos = self.read(rows, "object_pos") + np.pad(error[:, :2], ((0, 0), (1, 0)))
         shelf = body["shelf_pos_m"] + (error[:, 2:] if error.shape[1] > 2 else 0.0)
-        seen = body | {
+        seen: Fields = body | {
             "object_pos_m": pos,
             "shelf_pos_m": shelf,
             "force_high": rows.memory[:, hand.FORCE] > self.force_limit_n,
             "actions": rows.actions,
         }
-        return seen if self.version == 1 else seen | self._relative(rows, body["grip_pos_m"], pos, shelf)
+        return seen if self.version == 1 else {**seen, **self._relative(rows, body["grip_pos_m"], pos, shelf)}
 
     def _relative(self, rows: Rows, grip: Array, pos: Array, shelf: Array) -> Fields:
         """Where hand, thing and shelf are to one another, alike for every thing, and what was felt."""
@@ -274,7 +275,7 @@ class Shelf(RobotWorld):
 
     def nominal_options(self) -> tuple[Option, ...]:
         """Pick, move, place."""
-        return options(self.thing, self.hand_quat, CLEARANCES_M[min(self.version, 2) - 1])
+        return options(self.thing, self.hand_quat, CLEARANCES_M[self.version])
 
     def delivery_pos(self, truth: Privileged) -> Array:
         """On the board: half the box's height above the shelf's floor."""
