@@ -216,6 +216,9 @@ def test_bad_input_is_refused_before_anything_is_simulated(task, failures):
         ("lazy_rc", {"of_either_kind": 1}, "lazy_rc: of_either_kind must be an integer of at least 2, got 1"),
         ("lazy_rc", {"outcomes": 2.5}, "lazy_rc: outcomes must be an integer of at least 1, got 2.5"),
         ("pp", {"every": 0}, "pp: every must be an integer of at least 1, got 0"),
+        ("pp", {"failures": -1}, "pp: failures must be an integer of at least 0, got -1"),
+        ("pp", {"precision": 80}, "pp: precision must be a number above 0 and below 1, got 80"),
+        ("pp", {"held_out": 0.0}, "pp: held_out must be a number above 0 and below 1, got 0.0"),
         ("pp", {"threshold": 1.0}, "pp: threshold must be a number above 0 and below 1, got 1.0"),
     ):
         with pytest.raises(ConfigError, match=message):

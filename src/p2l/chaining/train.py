@@ -267,7 +267,7 @@ class _Watcher(BaseCallback):
         progress.evaluation_seconds += self._seconds() - start_s
         if success >= progress.best:  # of equals the later one has more training
             progress.best = success
-            facts = {"control_steps": self.model.num_timesteps, "evaluation_success": success}
+            facts = {"control_steps": self.model.num_timesteps, "evaluation_success": success, **self._learner.told}
             save_agent(self._folder, replace(policy, card=replace(self._card, told=facts)), self._learner)
         self._is_due = True
         progress.seconds = self._seconds()

@@ -24,6 +24,7 @@ import numpy.typing as npt
 from sklearn.ensemble import ExtraTreesClassifier
 from sklearn.model_selection import train_test_split
 
+from p2l.chaining.certainty import certain_from
 from p2l.chaining.learner import ChainTask, Learner, share, whole
 from p2l.chaining.mdp import Limits, Transitions
 from p2l.errors import ConfigError
@@ -177,15 +178,6 @@ class Lazy:
         if "slots" in state:
             options = zip(state["options"].tolist(), state["observations"], strict=True)
             self._pending = dict(zip(state["slots"].tolist(), options, strict=True))
-
-
-def certain_from(probability: Array, success: BoolArray, precision: float, support: int) -> float | None:
-    """The lowest threshold at and above which more than `precision` of at least `support` outcomes are successes."""
-    order = np.argsort(-probability, kind="stable")
-    right = np.cumsum(success[order]) / np.arange(1, len(order) + 1)
-    last_of_value = np.append(np.diff(probability[order]) < 0.0, True)
-    good = np.flatnonzero((right > precision) & last_of_value & (np.arange(len(order)) >= support - 1))
-    return None if not len(good) else float(probability[order[good[-1]]])
 
 
 def learner(

@@ -210,7 +210,7 @@ class _Run:
         progress.evaluation_seconds += self.seconds() - start_s
         if success >= progress.best:  # of equals the later one knows more
             progress.best = success
-            facts = {"control_steps": progress.control_steps, "evaluation_success": success}
+            facts = {"control_steps": progress.control_steps, "evaluation_success": success, **self.learner.told}
             save_agent(self.folder, replace(policy, card=replace(self.card, told=facts)), self.learner)
         progress.seconds = self.seconds()
         progress.tensors = self.search.tensors(self.learner.limits.decisions)
