@@ -21,7 +21,7 @@ from stages._progress import training
 def chain_run(cfg: ChainRecoveriesConfig, name: str | None = None, seed: int | None = None) -> ChainRun:
     """One run: that of `learner`, or of one of those that are compared."""
     one = cfg.alone(name, seed)
-    ppo = PPOSettings(**one.ppo.model_dump())
+    ppo = PPOSettings(**one.ppo_of(one.learner).model_dump())
     budget = round(one.budget * one.learner.budget_share)
     return ChainRun(
         item=one.item,

@@ -75,6 +75,7 @@ class Learner:
         shortcut: predicts options that need not be simulated.
         preconditions: hand over to the best nominal controller where one of them holds, or at the episode's bounds.
         whole_task: the policy acts from the task's start, without the nominal controllers.
+        running_normalisation: observations are standardised over all that is met, not over the start states alone.
         search: macros are searched, and no policy gradient is taken.
         told: numbers for the reader of the policy's card and of the run's summary: what was done before training.
     """
@@ -87,6 +88,7 @@ class Learner:
     shortcut: Shortcut | None = None
     preconditions: ControllerPreconditions | None = None
     whole_task: bool = False
+    running_normalisation: bool = False
     search: SearchSettings | None = None
     told: Mapping[str, float] = field(default_factory=dict)
 

@@ -126,7 +126,7 @@ def times(progress: Progress) -> dict[str, float]:
 
 
 def card_of(task: ChainTask, learner: Learner, name: str, config_hash: str, narrowest: float = NARROWEST) -> Card:
-    """The card of the policy to train; observations are standardised over the start states of the episodes."""
+    """The card of the policy to train; observations are standardised over the starts of the episodes, at first."""
     state = first_state(task.world, learner.starts, learner.limits)
     return Card(
         world=task.world.name,
@@ -172,7 +172,8 @@ def train(
     rng = generator(task.seed, "chain_recoveries", task.world.name, "starts", 0)
     pool = learner.pool(task, rng, settings.slots, settings.revisit)
     seed = entropy(task.seed, "chain_recoveries", task.world.name, "ppo", 0) & (2**32 - 1)
-    model = PoolPPO(pool, settings.ppo, card.normalisation, seed, learner.shortcut)
+    running = learner.running_normalisation
+    model = PoolPPO(pool, settings.ppo, card.normalisation, seed, learner.shortcut, running=running)
     if progress.tensors:
         restore(model, progress, rng)
     watcher = _Watcher(task, learner, evaluation_starts, settings, card, folder, report, progress, rng)
@@ -268,7 +269,7 @@ class _Watcher(BaseCallback):
         if success >= progress.best:  # of equals the later one has more training
             progress.best = success
             facts = {"control_steps": self.model.num_timesteps, "evaluation_success": success, **self._learner.told}
-            save_agent(self._folder, replace(policy, card=replace(self._card, told=facts)), self._learner)
+            save_agent(self._folder, replace(policy, card=replace(policy.card, told=facts)), self._learner)
         self._is_due = True
         progress.seconds = self._seconds()
         self._report("evaluation", {**row, "seconds": progress.seconds})
