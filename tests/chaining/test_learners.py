@@ -80,6 +80,20 @@ def test_a_lazy_learner_is_sure_only_after_enough_outcomes_of_either_kind():
     assert not audited.sure(test, first).any()
 
 
+def test_an_option_that_is_not_simulated_counts_like_those_that_were_by_hand():
+    """Two successes of the first option took 10 and 13 control steps, a failure 40."""
+    lazy = Lazy(len(PRIMITIVES), 2, LazySettings(), seed=0)
+    slots = np.array([10, 13, 40])  # `played` takes them as control steps, too
+    lazy.begin(slots, np.eye(3), np.full(3, len(PRIMITIVES)))
+    lazy.end(played(slots, np.array([True, True, False])))
+    lazy.spare(np.full(2, len(PRIMITIVES)))
+    assert lazy.spared == 24  # 11.5 is rounded to even
+    again = Lazy(len(PRIMITIVES), 2, LazySettings(), seed=0)
+    again.restore(lazy.state())
+    again.spare(np.array([len(PRIMITIVES)]))
+    assert again.spared == 36
+
+
 def test_a_lazy_learner_simulates_less_for_as_many_decisions(task):
     settings = PPOSettings(n_steps=60, batch_size=30, n_epochs=1, hidden=(8, 8))
     steps = {}
@@ -87,6 +101,7 @@ def test_a_lazy_learner_simulates_less_for_as_many_decisions(task):
         learner = make_learner(name, task, Limits())
         if learner.shortcut is not None:  # it knows all there is to know: coming alongside always works out
             learner.shortcut.sure = lambda observation, action: action == len(PRIMITIVES)
+            learner.shortcut._lengths[0] = (150, 10)
         card = card_of(task, learner, name, "hash")
         model = PoolPPO(
             learner.pool(task, np.random.default_rng(0), 8), settings, card.normalisation, 0, learner.shortcut
@@ -97,12 +112,14 @@ def test_a_lazy_learner_simulates_less_for_as_many_decisions(task):
         callback = CallbackList([])
         callback.init_callback(model)
         assert model.collect_rollouts(model.env, callback, model.rollout_buffer, 60)
-        steps[name] = model.num_timesteps
+        steps[name] = model.pool.control_steps
         settled = model.round.settled
         aligned = model.rollout_buffer.actions[:, 0] == len(PRIMITIVES)
         if learner.shortcut is not None:
             assert settled >= aligned.sum() > 0
             assert (model.rollout_buffer.rewards[aligned] == 1.0).all()
+            assert learner.shortcut.spared == 15 * settled
+            assert model.num_timesteps == model.pool.control_steps + 15 * settled
     assert steps["lazy_rc"] < steps["rc"]
 
 

@@ -173,6 +173,10 @@ def test_a_training_that_was_killed_again_and_again_comes_to_the_same_policy_to_
     """The checkpoint was taken before the rollout's update, and each resume dropped one: 50 % instead of 100 %."""
     whole, policy = trained(task, name, tmp_path / "whole")
     assert len(whole.evaluations) > 5
+    assert (whole.spared > 0) == (name == "lazy_rc")
+    assert whole.control_steps < 2400 + 24 * 60, "a rollout more than the budget, at most"
+    assert whole.control_steps + whole.spared >= 2400
+    assert whole.control_steps < 2400 or name != "lazy_rc", "what it spares is not simulated"
     often, again = trained(task, name, tmp_path / "often", kill_at=(1, 2, 3, 5))
     assert again == policy
     for rows in ("rounds", "evaluations"):
@@ -240,7 +244,7 @@ def test_a_killed_run_resumes_and_another_configuration_is_refused(task, tmp_pat
     assert done.control_steps >= 2000
     times = [row["control_steps"] for row in done.rounds]
     assert times == sorted(times)
-    assert rows[0] == ("resumed", {"control_steps": left.control_steps})
+    assert rows[0] == ("resumed", {"control_steps": left.control_steps, "spared": 0})
     assert rows[1][1]["control_steps"] > left.control_steps, "it goes on, it does not start over"
     with pytest.raises(ArtifactError, match=f"{FILE}: left by a run with another configuration"):
         load_checkpoint(tmp_path, card_of(task, learner, "rc", "other"))

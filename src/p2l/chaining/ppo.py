@@ -12,7 +12,9 @@
 4. Observations are standardised over the start states, once and for all. Where a learner asks for it, since its
    episodes go far from their starts, the statistics go on with what it meets, as SB3's VecNormalize does; they change
    after an update and not within a rollout, whose log-probabilities would otherwise be of another policy.
-5. `num_timesteps` counts simulated control steps, options included, so a budget is one of simulation.
+5. `num_timesteps` counts simulated control steps, options included, so a budget is one of simulation. A shortcut's
+   options count with the steps that they would have taken, so that it makes as many decisions of the same budget as a
+   learner without one, and what it spares is a result.
 """
 
 from __future__ import annotations
@@ -146,6 +148,16 @@ class PoolPPO(PPO):
         centre, scale = (part.numpy().astype(np.float64) for part in (extractor.centre, extractor.scale))
         return Normalisation(centre, scale, extractor.narrowest)
 
+    @property
+    def spared(self) -> int:
+        """Control steps that the shortcut has spared so far."""
+        return 0 if self.shortcut is None else self.shortcut.spared
+
+    @property
+    def budget_steps(self) -> int:
+        """Control steps that the budget is charged for so far."""
+        return self.pool.control_steps + self.spared
+
     def train(self) -> None:
         """One update, and the statistics of what it was of."""
         super().train()
@@ -167,10 +179,11 @@ class PoolPPO(PPO):
                 self._decide(np.flatnonzero(self.pool.waiting))
                 continue
             self._add(self.pool.poll())
-            self.num_timesteps = self.pool.control_steps
+            self.num_timesteps = self.budget_steps
             callback.update_locals(locals())
             if not callback.on_step():
                 return False
+        self.num_timesteps = self.budget_steps
         decisions = self.gatherer.take(n_rollout_steps)
         self.round.action_counts = np.bincount(decisions.action, minlength=len(self.pool.actions))
         self._fill(rollout_buffer, decisions)
@@ -187,6 +200,7 @@ class PoolPPO(PPO):
         if self.shortcut is not None:
             sure = self.shortcut.sure(observation, actions)
             if sure.any():
+                self.shortcut.spare(actions[sure])
                 self._add(self.pool.settle(slots[sure], np.ones(int(sure.sum()))), settled=True)
             slots, actions = slots[~sure], actions[~sure]
             self.shortcut.begin(slots, observation[~sure], actions)

@@ -38,9 +38,9 @@ class TrainSettings:
     """Budget and rhythm.
 
     Attributes:
-        budget: control steps to simulate, options included.
+        budget: control steps to simulate, options included, also those of options that a shortcut spares.
         slots: episodes at once.
-        evaluate_every: control steps between evaluations.
+        evaluate_every: control steps of the budget between evaluations.
         episodes: of an evaluation.
         ppo: of the algorithm.
         revisit: largest share of the episodes that start at earlier successes, in [0, 1], see `revisit`.
@@ -110,6 +110,7 @@ def summary(progress: Progress) -> dict[str, Any]:
     """Summary numbers of a completed run, the same on every machine; for wall times see `times`."""
     return {
         "control_steps": progress.control_steps,
+        "spared": progress.spared,
         "evaluation_steps": sum(row["evaluation_steps"] for row in progress.evaluations),
         "decisions": int(sum(value for row in progress.rounds for name, value in row.items() if "chosen:" in name)),
         "timeouts": sum(row["timeouts"] for row in progress.rounds),
@@ -167,7 +168,7 @@ def train(
     progress = load_checkpoint(folder, card) or Progress()
     steps_before = progress.control_steps
     if steps_before:
-        report("resumed", {"control_steps": steps_before})
+        report("resumed", {"control_steps": steps_before, "spared": progress.spared})
     torch.set_num_threads(1)  # the networks are small, and their first weights depend on the number of threads
     rng = generator(task.seed, "chain_recoveries", task.world.name, "starts", 0)
     pool = learner.pool(task, rng, settings.slots, settings.revisit)
@@ -225,11 +226,12 @@ class _Watcher(BaseCallback):
 
     def _on_rollout_end(self) -> None:
         one, progress = self.model.round, self._progress
-        progress.control_steps = self.model.num_timesteps
+        progress.control_steps, progress.spared = self.model.pool.control_steps, self.model.spared
         counts = {f"chosen:{name}": int(k) for name, k in zip(self.model.pool.actions, one.action_counts, strict=True)}
         row: dict[str, float] = {
             "round": len(progress.rounds),
             "control_steps": progress.control_steps,
+            "spared": progress.spared,
             "ended": one.ended,
         }
         row |= {
@@ -242,13 +244,14 @@ class _Watcher(BaseCallback):
         self._timeouts = self.model.pool.timeouts
         progress.rounds.append(row)
         self._report("round", {**row, "seconds": self._seconds()})
-        last = progress.evaluations[-1]["control_steps"]
-        if progress.control_steps - last >= self._settings.evaluate_every:
+        last = progress.evaluations[-1]
+        if self.model.num_timesteps - last["control_steps"] - last["spared"] >= self._settings.evaluate_every:
             self._evaluate()
 
     def finish(self) -> None:
         """The last evaluation: after the last update, unless the last rollout has just had one."""
-        if self._progress.evaluations[-1]["control_steps"] < self._progress.control_steps:
+        last = self._progress.evaluations[-1]
+        if last["control_steps"] + last["spared"] < self.model.num_timesteps:
             self._evaluate()
 
     def _evaluate(self) -> None:
@@ -259,7 +262,8 @@ class _Watcher(BaseCallback):
         )
         success = float(recoveries.success.mean())
         row: dict[str, float] = {
-            "control_steps": self.model.num_timesteps,
+            "control_steps": self.model.pool.control_steps,
+            "spared": self.model.spared,
             "success": success,
             "episodes": len(recoveries.success),
         }
@@ -268,7 +272,11 @@ class _Watcher(BaseCallback):
         progress.evaluation_seconds += self._seconds() - start_s
         if success >= progress.best:  # of equals the later one has more training
             progress.best = success
-            facts = {"control_steps": self.model.num_timesteps, "evaluation_success": success, **self._learner.told}
+            facts = {
+                "control_steps": self.model.pool.control_steps,
+                "evaluation_success": success,
+                **self._learner.told,
+            }
             save_agent(self._folder, replace(policy, card=replace(policy.card, told=facts)), self._learner)
         self._is_due = True
         progress.seconds = self._seconds()

@@ -33,7 +33,7 @@ def restore(model: PoolPPO, progress: Progress, rng: np.random.Generator) -> Non
     model.gatherer.restore(part(arrays, "gatherer."))
     if model.shortcut is not None:
         model.shortcut.restore(part(arrays, "shortcut."))
-    model.num_timesteps = model.pool.control_steps
+    model.num_timesteps = model.budget_steps
     restore_generator(rng, arrays["rng.starts"])
     torch.set_rng_state(by_name["rng.torch"])
     kind, key, place, has_gauss, gauss = json.loads(arrays["rng.numpy"].tobytes())
