@@ -78,7 +78,8 @@ def train(task: ChainTask, name: str, budget: int) -> tuple[TimedPPO, float]:
     learner = make_learner(name, task, Limits(**config.limits))
     pool = learner.pool(task, np.random.default_rng(0), config.slots, config.revisit)
     normalisation = card_of(task, learner, name, "", config.narrowest).normalisation
-    model = TimedPPO(pool, PPOSettings(**config.ppo), normalisation, 0, learner.shortcut)
+    running = learner.running_normalisation
+    model = TimedPPO(pool, PPOSettings(**config.ppo), normalisation, 0, learner.shortcut, running=running)
     start = time.perf_counter()
     model.learn(budget, log_interval=10**9)
     return model, time.perf_counter() - start

@@ -1,10 +1,11 @@
 #!/usr/bin/env bash
 # The ablation of section 5.4.2 at thesis scale, in the clone that scripts/thesis_chapter5.sh has left: RC on the shelf
-# with half and with double the noise, and without history and number of actions; then ablation_5.csv.
+# with half and with double the noise, without history and number of actions, and without episodes that start at earlier
+# successes; then ablation_5.csv.
 # Run it again after an interruption: every finished run (shelf_<variant>-rc-s<seed>-b0.json, its policy in policies/)
 # and every evaluation is in results/thesis/records/ as soon as it ends, and is not run again.
 #
-#   scripts/thesis_ablation.sh                            # all of it: 3 variants × 5 seeds
+#   scripts/thesis_ablation.sh                            # all of it: 4 variants × 5 seeds
 #   VARIANTS=double SEEDS=0,1 scripts/thesis_ablation.sh  # a part; the rest can follow
 #   THREADS=1 VARIANTS=half scripts/thesis_ablation.sh build/one   # one simulator thread each, for two clones side by side
 set -euo pipefail
@@ -14,10 +15,10 @@ clone=${1:-$root/build/thesis}
 results=${RESULTS:-$root/results/thesis}
 export PATH=$root/.venv/bin:$PATH
 export MLFLOW_TRACKING_URI=${MLFLOW_TRACKING_URI:-$(cd "$root" && .venv/bin/python -c 'import pathlib, p2l.tracking; print(p2l.tracking.default_store(pathlib.Path()))')}
-read -ra variants <<< "${VARIANTS:-half double no_history}"
+read -ra variants <<< "${VARIANTS:-half double no_history no_revisit}"
 seen=grip_pos_m,grip_quat,gap_m,shelf_pos_m,object_pos_m,force_high,target_pos_m,target_quat,grip_command
 declare -A sigma=([half]="[0.005,0.01]" [double]="[0.02,0.04]")
-declare -A learning=([no_history]="limits.history=1 limits.fields=[$seen]")
+declare -A learning=([no_history]="limits.history=1 limits.fields=[$seen]" [no_revisit]="revisit=0.0")
 
 cd "$clone"
 judged=()

@@ -21,7 +21,7 @@ from stages._progress import training
 def chain_run(cfg: ChainRecoveriesConfig, name: str | None = None, seed: int | None = None) -> ChainRun:
     """One run: that of `learner`, or of one of those that are compared."""
     one = cfg.alone(name, seed)
-    ppo = PPOSettings(**one.ppo.model_dump())
+    ppo = PPOSettings(**one.ppo_of(one.learner).model_dump())
     budget = round(one.budget * one.learner.budget_share)
     return ChainRun(
         item=one.item,
@@ -47,13 +47,14 @@ class _RunObserver:
     def row(self, kind: str, row: Mapping[str, float]) -> None:
         """See `Observer`."""
         steps = int(row["control_steps"])
+        charged = steps + int(row["spared"])
         if kind == "resumed":
-            self.show(steps, None)
+            self.show(charged, None)
             return
         numbers = {name.replace("+", "plus "): value for name, value in row.items() if name != "control_steps"}
         self.track.metrics({f"{kind}/{name}": value for name, value in numbers.items()}, step=steps)
         if kind == "round":
-            self.show(steps, row["done"] / max(row["ended"], 1))
+            self.show(charged, row["done"] / max(row["ended"], 1))
 
     def note(self, text: str) -> None:
         """See `Observer`."""

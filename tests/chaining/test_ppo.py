@@ -1,5 +1,8 @@
 """Laws of learning on the pool: time, cut trajectories, exported policies, resuming."""
 
+from dataclasses import replace
+
+import gymnasium
 import numpy as np
 import pytest
 import torch
@@ -10,10 +13,12 @@ from p2l.chaining import train as train_module
 from p2l.chaining.checkpoint import FILE, load_checkpoint
 from p2l.chaining.execute import RecoveryResults
 from p2l.chaining.learner import ChainTask
+from p2l.chaining.learners.lazy_rc import Lazy, LazySettings
 from p2l.chaining.learners.table import make_learner
 from p2l.chaining.mdp import Limits
 from p2l.chaining.policy import check_policy, load_policy
 from p2l.chaining.ppo import PoolPPO, PPOSettings
+from p2l.chaining.standardise import RunningStandardise
 from p2l.chaining.train import TrainSettings, card_of, split, train
 from p2l.chaining.weights import export_policy
 from p2l.errors import ArtifactError, ConfigError
@@ -129,6 +134,7 @@ def _silent(kind, row):
 
 
 LEARNERS = {"rc": {}, "lazy_rc": {"outcomes": 4, "of_either_kind": 2, "audit": 0.3}, "pp": {"trajectories": 40}}
+RUNNING = "rc with a running normalisation"
 
 
 class KilledError(Exception):
@@ -148,7 +154,13 @@ def trained(task, name, folder, kill_at=()):
             raise KilledError
 
     while True:
-        learner = make_learner(name, task, Limits(), LEARNERS[name])  # a new process knows nothing
+        running = name == RUNNING  # a new process knows nothing
+        plain = "rc" if running else name
+        learner = replace(make_learner(plain, task, Limits(), LEARNERS[plain]), running_normalisation=running)
+        if name == "lazy_rc":  # so few outcomes would never do
+            easy = LazySettings(4, 2, 4, precision=0.5, support=1, audit=0.3)
+            shortcut = Lazy(len(learner.primitives), len(task.nominal), easy, task.seed)
+            learner = replace(learner, shortcut=shortcut)
         card = card_of(task, learner, name, "hash")
         np.random.seed(99)  # noqa: NPY002 (whatever another process has drawn)
         torch.manual_seed(99)
@@ -161,11 +173,14 @@ def trained(task, name, folder, kill_at=()):
         return done, (folder / "policy.safetensors").read_bytes()
 
 
-@pytest.mark.parametrize("name", LEARNERS)
+@pytest.mark.parametrize("name", [*LEARNERS, RUNNING])
 def test_a_training_that_was_killed_again_and_again_comes_to_the_same_policy_to_the_bit(name, task, tmp_path):
     """The checkpoint was taken before the rollout's update, and each resume dropped one: 50 % instead of 100 %."""
     whole, policy = trained(task, name, tmp_path / "whole")
     assert len(whole.evaluations) > 5
+    assert (whole.spared > 0) == (name == "lazy_rc")
+    before, last = (row["control_steps"] + row["spared"] for row in whole.rounds[-2:])
+    assert before < 2400 <= last == whole.control_steps + whole.spared, "what is spared is charged to the budget"
     often, again = trained(task, name, tmp_path / "often", kill_at=(1, 2, 3, 5))
     assert again == policy
     for rows in ("rounds", "evaluations"):
@@ -174,6 +189,44 @@ def test_a_training_that_was_killed_again_and_again_comes_to_the_same_policy_to_
     assert any(name.startswith("pool.revisits.way.") for name in whole.tensors)
     for key, value in whole.tensors.items():
         assert torch.equal(often.tensors[key], value), key
+
+
+def test_statistics_of_observations_go_on_from_those_of_the_start_by_hand():
+    rng = np.random.default_rng(0)
+    seen = rng.normal([1.0, -2.0, 0.0], [0.5, 3.0, 1e-3], size=(90, 3))
+    start, space = seen[:30], gymnasium.spaces.Box(-1.0, 1.0, (3,))
+    running = RunningStandardise(space, start.mean(axis=0), start.std(axis=0), 0.05, 30)
+    for part in (seen[30:40], seen[40:]):
+        running.include(torch.tensor(part))
+    assert_allclose(running.centre, seen.mean(axis=0), rtol=1e-5)
+    assert_allclose(running.scale, np.maximum(seen.std(axis=0), 0.05), rtol=1e-5)
+    assert float(running.count) == 90
+
+
+def test_the_card_has_the_normalisation_that_the_weights_were_trained_with(task, tmp_path):
+    learner = replace(make_learner("rc", task, Limits()), running_normalisation=True)
+    card = card_of(task, learner, "rc", "hash", 0.02)
+    model = PoolPPO(learner.pool(task, np.random.default_rng(0), 8), SMALL, card.normalisation, 0, running=True)
+    model.learn(600)
+    now = model.policy.features_extractor
+    assert now.scale.min() == np.float32(0.02)
+    observation = task.world.observe(task.failures).values
+    mine = export_policy(model, card)
+    assert not np.allclose(mine.card.normalisation.centre, card.normalisation.centre)
+    theirs = model.predict(observation.astype(np.float32), deterministic=True)[0]
+    logits = mine.logits(observation).detach().numpy()
+    chosen = logits[np.arange(len(theirs)), theirs]
+    assert (logits.max(axis=1) - chosen <= 1e-3 * np.abs(logits).max()).all()
+    settings, exported = TrainSettings(900, 8, 300, 4, SMALL), []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(
+            train_module, "export_policy", lambda *given: exported.append(export_policy(*given)) or exported[-1]
+        )
+        train(task, learner, task.failures.take(range(4)), settings, card, tmp_path, _silent)
+    kept = load_policy(tmp_path)
+    [same] = [one for one in exported if torch.equal(one.weights["w0"], kept.weights["w0"])]
+    assert_array_equal(same.card.normalisation.centre, kept.card.normalisation.centre)
+    assert_array_equal(same.logits(observation).numpy(), kept.logits(observation).numpy())
 
 
 def test_a_killed_run_resumes_and_another_configuration_is_refused(task, tmp_path):
@@ -195,7 +248,7 @@ def test_a_killed_run_resumes_and_another_configuration_is_refused(task, tmp_pat
     assert done.control_steps >= 2000
     times = [row["control_steps"] for row in done.rounds]
     assert times == sorted(times)
-    assert rows[0] == ("resumed", {"control_steps": left.control_steps})
+    assert rows[0] == ("resumed", {"control_steps": left.control_steps, "spared": 0})
     assert rows[1][1]["control_steps"] > left.control_steps, "it goes on, it does not start over"
     with pytest.raises(ArtifactError, match=f"{FILE}: left by a run with another configuration"):
         load_checkpoint(tmp_path, card_of(task, learner, "rc", "other"))
@@ -216,6 +269,9 @@ def test_bad_input_is_refused_before_anything_is_simulated(task, failures):
         ("lazy_rc", {"of_either_kind": 1}, "lazy_rc: of_either_kind must be an integer of at least 2, got 1"),
         ("lazy_rc", {"outcomes": 2.5}, "lazy_rc: outcomes must be an integer of at least 1, got 2.5"),
         ("pp", {"every": 0}, "pp: every must be an integer of at least 1, got 0"),
+        ("pp", {"failures": -1}, "pp: failures must be an integer of at least 0, got -1"),
+        ("pp", {"precision": 80}, "pp: precision must be a number above 0 and below 1, got 80"),
+        ("pp", {"held_out": 0.0}, "pp: held_out must be a number above 0 and below 1, got 0.0"),
         ("pp", {"threshold": 1.0}, "pp: threshold must be a number above 0 and below 1, got 1.0"),
     ):
         with pytest.raises(ConfigError, match=message):

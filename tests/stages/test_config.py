@@ -9,9 +9,9 @@ import yaml
 from hydra import compose, initialize_config_dir
 
 from p2l.errors import ConfigError
-from p2l.schema import SCHEMAS, ConfigStageConfig, resolve, validate
+from p2l.schema import SCHEMAS, ChainRecoveriesConfig, ConfigStageConfig, resolve, validate
 from p2l.tracking import Tracker
-from stages import _composition, config
+from stages import _chains, _composition, config
 
 ROOT = Path(__file__).resolve().parents[2]
 PRESETS = sorted(path.stem for path in (ROOT / "conf" / "experiment").glob("*.yaml"))
@@ -110,6 +110,11 @@ def test_the_pipeline_trains_what_its_preset_compares(tmp_path):
     assert learn["failures"] == "data/discover/shelf/failures_train.npz"
     assert judge["learnt"] == "data/chain_recoveries/shelf"
     assert learn["limits"]["history"] == 3
+    cfg = validate(learn, ChainRecoveriesConfig, "")
+    runs = {name: _chains.chain_run(cfg, name, 3) for name in ("rc", "rl")}
+    assert {name: run.settings.ppo.gae_lambda for name, run in runs.items()} == {"rc": 0.8, "rl": 0.95}
+    assert "ppo" not in cfg.alone("rc", 3).model_dump()["learner"], "its hash is that of before"
+    assert runs["rl"].settings.ppo.ent_coef == cfg.ppo.ent_coef
     assert "arm_rad" not in learn["limits"]["fields"]  # a policy is to mean the same on another arm
     assert {"bottle", "can", "ur5e"} <= set(judge["transfer"]["variants"])
 
@@ -128,6 +133,11 @@ def test_the_pipeline_trains_what_its_preset_compares(tmp_path):
         ("chain_worlds=[shelf,shelf]", "chain_worlds names a world twice"),
         ("chain_worlds=[ant]", "chain_worlds names ant; worlds has: door, pick_place"),
         ("+overrides.chain_recoveries=['compare=[sac]']", "compare names sac; learners has: rc, lazy_rc, pp, rl, "),
+        (
+            "+overrides.chain_recoveries=['+learners.rl.ppo.gae_lamda=0.9']",
+            "learners.rl.ppo.gae_lamda: given 0.9; Extra inputs are not permitted; its keys are n_steps, ",
+        ),
+        ("+overrides.chain_recoveries=['learners.rl.ppo.gae_lambda=2']", "learners.rl.ppo.gae_lambda: given 2; "),
         ("recovery_worlds=[door,door]", "recovery_worlds names a world twice"),
         ("recovery_worlds=[shelf]", "has no symbols, so no skill graph; give it a method"),
         ("cluster_worlds=[shelf,door,pick_place,cluttered_shelf]", "cluster_worlds and recovery_worlds both name door"),

@@ -24,6 +24,7 @@ class Progress:
 
     Attributes:
         control_steps: simulated in training.
+        spared: that the budget was charged for besides, see `ppo`.
         seconds: wall time, evaluations included.
         evaluation_seconds: wall time of the evaluations alone.
         best: success rate of the best evaluation.
@@ -33,6 +34,7 @@ class Progress:
     """
 
     control_steps: int = 0
+    spared: int = 0
     seconds: float = 0.0
     evaluation_seconds: float = 0.0
     best: float = -1.0

@@ -122,7 +122,7 @@ def learn(setup: RunSetup, out: Path, observer: Observer) -> RunResult:
 
         plan = learner.search
         progress = search_train(task, learner, plan, evaluation_starts, run.settings, card, out, observer.row)
-    return run_result(progress, setup.failures, parts.set_apart)
+    return run_result(progress, setup.failures, parts.set_apart, learner.told)
 
 
 def policies(out: Path, key: RunKey) -> Path:

@@ -6,8 +6,8 @@ A learner is one file with a function `learner(task, limits, **settings) -> Lear
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -75,7 +75,9 @@ class Learner:
         shortcut: predicts options that need not be simulated.
         preconditions: hand over to the best nominal controller where one of them holds, or at the episode's bounds.
         whole_task: the policy acts from the task's start, without the nominal controllers.
+        running_normalisation: observations are standardised over all that is met, not over the start states alone.
         search: macros are searched, and no policy gradient is taken.
+        told: numbers for the reader of the policy's card and of the run's summary: what was done before training.
     """
 
     limits: Limits
@@ -86,7 +88,9 @@ class Learner:
     shortcut: Shortcut | None = None
     preconditions: ControllerPreconditions | None = None
     whole_task: bool = False
+    running_normalisation: bool = False
     search: SearchSettings | None = None
+    told: Mapping[str, float] = field(default_factory=dict)
 
     def pool(self, task: ChainTask, rng: np.random.Generator, slots: int, revisit: float = 0.0) -> Pool:
         """The recovery MDP; episodes start at one of `starts`, drawn by `rng`, or continue an earlier success.

@@ -33,10 +33,14 @@ Weights = Mapping[str, torch.Tensor]
 
 @dataclass(frozen=True)
 class Normalisation:
-    """Standardisation of observations: `centre` and `scale`, [O] each."""
+    """Standardisation of observations: `centre` and `scale`, [O] each.
+
+    `narrowest` is the least scale, also of statistics that go on from these; a policy's card holds none of it.
+    """
 
     centre: Array
     scale: Array
+    narrowest: float = NARROWEST
 
     def __post_init__(self) -> None:
         sizes: dict[str, int] = {}
@@ -46,7 +50,7 @@ class Normalisation:
     @classmethod
     def of(cls, observations: Array, narrowest: float = NARROWEST) -> Normalisation:
         """Mean and standard deviation of [K, O], the latter at least `narrowest`."""
-        return cls(observations.mean(axis=0), np.maximum(observations.std(axis=0), narrowest))
+        return cls(observations.mean(axis=0), np.maximum(observations.std(axis=0), narrowest), narrowest)
 
 
 @dataclass(frozen=True)
@@ -93,6 +97,7 @@ class Card:
     @classmethod
     def from_plain(cls, plain: Mapping[str, Any]) -> Card:
         """From what `plain` gave."""
+        scale = plain["normalisation"]
         return cls(
             world=plain["world"],
             digest=plain["world_digest"],
@@ -102,7 +107,7 @@ class Card:
             columns=tuple(plain["columns"]),
             actions=tuple(plain["actions"]),
             limits=Limits(**{**plain["limits"], "fields": tuple(plain["limits"]["fields"])}),
-            normalisation=Normalisation(**{name: np.array(value) for name, value in plain["normalisation"].items()}),
+            normalisation=Normalisation(np.array(scale["centre"]), np.array(scale["scale"])),
             whole_task=plain["whole_task"],
             preconditions=plain["preconditions"],
             told=plain["told"],

@@ -9,7 +9,12 @@
    advantages of rollouts without any reward are noise, and the bonus holds against that. Where options end an episode
    and mostly fail, a long λ charges a good motion for the option tried after it; with 0.5, or with pieces of
    trajectories as short as 64 slots leave of 120 decisions, the critic alone credits it, and learning gets stuck.
-4. `num_timesteps` counts simulated control steps, options included, so a budget is one of simulation.
+4. Observations are standardised over the start states, once and for all. Where a learner asks for it, since its
+   episodes go far from their starts, the statistics go on with what it meets, as SB3's VecNormalize does; they change
+   after an update and not within a rollout, whose log-probabilities would otherwise be of another policy.
+5. `num_timesteps` counts simulated control steps, options included, so a budget is one of simulation. A shortcut's
+   options count with the steps that they would have taken, so that it makes as many decisions of the same budget as a
+   learner without one, and what it spares is a result.
 """
 
 from __future__ import annotations
@@ -23,15 +28,15 @@ import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.buffers import RolloutBuffer
 from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.torch_layers import BaseFeaturesExtractor
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
 
 from p2l.chaining.env import spaces
 from p2l.chaining.mdp import Transitions
-from p2l.chaining.policy import CLIP, Normalisation
+from p2l.chaining.policy import Normalisation
 from p2l.chaining.pool import Pool
 from p2l.chaining.rollout import Decisions, Gatherer
 from p2l.chaining.shortcut import Shortcut
+from p2l.chaining.standardise import RunningStandardise, Standardise
 from p2l.records import Array, IntArray
 
 
@@ -97,9 +102,10 @@ class PoolPPO(PPO):
     Args:
         pool: the MDP.
         settings: of the algorithm.
-        normalisation: of observations, frozen.
+        normalisation: of observations over the start states.
         seed: below 2³²; SB3 seeds Python's, NumPy's and torch's global generators with it.
         shortcut: predicts options that need not be simulated.
+        running: the normalisation goes on with the observations of every rollout.
     """
 
     def __init__(
@@ -109,13 +115,17 @@ class PoolPPO(PPO):
         normalisation: Normalisation,
         seed: int,
         shortcut: Shortcut | None = None,
+        *,
+        running: bool = False,
     ) -> None:
         self.pool, self.shortcut = pool, shortcut
         self.gatherer = Gatherer()
         self.round = RolloutCounts(np.zeros(len(pool.actions), dtype=np.int64))
         keywords = {name: value for name, value in vars(settings).items() if name != "hidden"}
         sizes = list(settings.hidden)
-        extractor = {"centre": normalisation.centre, "scale": normalisation.scale}
+        extractor: dict[str, Any] = {"centre": normalisation.centre, "scale": normalisation.scale}
+        if running:  # the start states count like a rollout
+            extractor |= {"narrowest": normalisation.narrowest, "count": settings.n_steps}
         super().__init__(
             "MlpPolicy",
             DummyVecEnv([lambda: _Spaces(pool)]),
@@ -123,11 +133,38 @@ class PoolPPO(PPO):
             device="cpu",
             policy_kwargs={
                 "net_arch": {"pi": sizes, "vf": sizes},
-                "features_extractor_class": Standardise,
+                "features_extractor_class": RunningStandardise if running else Standardise,
                 "features_extractor_kwargs": extractor,
             },
             **keywords,
         )
+
+    @property
+    def normalisation(self) -> Normalisation | None:
+        """The present one where it goes on; None where it is that of the start."""
+        extractor = self.policy.features_extractor
+        if not isinstance(extractor, RunningStandardise):
+            return None
+        centre, scale = (part.numpy().astype(np.float64) for part in (extractor.centre, extractor.scale))
+        return Normalisation(centre, scale, extractor.narrowest)
+
+    @property
+    def spared(self) -> int:
+        """Control steps that the shortcut has spared so far."""
+        return 0 if self.shortcut is None else self.shortcut.spared
+
+    @property
+    def budget_steps(self) -> int:
+        """Control steps that the budget is charged for so far."""
+        return self.pool.control_steps + self.spared
+
+    def train(self) -> None:
+        """One update, and the statistics of what it was of."""
+        super().train()
+        extractor = self.policy.features_extractor
+        if isinstance(extractor, RunningStandardise):
+            seen = np.asarray(self.rollout_buffer.observations, dtype=np.float64)
+            extractor.include(torch.tensor(seen.reshape(-1, seen.shape[-1])))
 
     def collect_rollouts(
         self, env: VecEnv, callback: BaseCallback, rollout_buffer: RolloutBuffer, n_rollout_steps: int
@@ -142,10 +179,11 @@ class PoolPPO(PPO):
                 self._decide(np.flatnonzero(self.pool.waiting))
                 continue
             self._add(self.pool.poll())
-            self.num_timesteps = self.pool.control_steps
+            self.num_timesteps = self.budget_steps
             callback.update_locals(locals())
             if not callback.on_step():
                 return False
+        self.num_timesteps = self.budget_steps
         decisions = self.gatherer.take(n_rollout_steps)
         self.round.action_counts = np.bincount(decisions.action, minlength=len(self.pool.actions))
         self._fill(rollout_buffer, decisions)
@@ -162,6 +200,7 @@ class PoolPPO(PPO):
         if self.shortcut is not None:
             sure = self.shortcut.sure(observation, actions)
             if sure.any():
+                self.shortcut.spare(actions[sure])
                 self._add(self.pool.settle(slots[sure], np.ones(int(sure.sum()))), settled=True)
             slots, actions = slots[~sure], actions[~sure]
             self.shortcut.begin(slots, observation[~sure], actions)
@@ -189,22 +228,6 @@ class PoolPPO(PPO):
                 observation[one], decisions.action[one], reward[one], decisions.head[one], value[one], log_prob[one]
             )
         buffer.compute_returns_and_advantage(last_values=torch.zeros(1), dones=np.ones(1))  # the last one ends, too
-
-
-class Standardise(BaseFeaturesExtractor):
-    """(observation − centre) / scale, within ± CLIP."""
-
-    centre: torch.Tensor
-    scale: torch.Tensor
-
-    def __init__(self, observation_space: gymnasium.Space[Any], centre: Array, scale: Array) -> None:
-        super().__init__(observation_space, features_dim=len(centre))
-        self.register_buffer("centre", torch.tensor(centre, dtype=torch.float32))
-        self.register_buffer("scale", torch.tensor(scale, dtype=torch.float32))
-
-    def forward(self, observations: torch.Tensor) -> torch.Tensor:
-        """[K, O] → [K, O]."""
-        return ((observations - self.centre) / self.scale).clamp(-CLIP, CLIP)
 
 
 class _Spaces(gymnasium.Env[Array, int]):

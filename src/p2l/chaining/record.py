@@ -45,15 +45,16 @@ class RunResult:
     times: Mapping[str, float] = field(default_factory=dict)
 
 
-def run_result(progress: Progress, failures: int, apart: int) -> RunResult:
+def run_result(progress: Progress, failures: int, apart: int, told: Mapping[str, float]) -> RunResult:
     """The result of a completed run, without its policy.
 
     Args:
         progress: of the run.
         failures: number of recorded failures.
         apart: how many of them were set apart for evaluations.
+        told: by the learner, see `learner.Learner`.
     """
-    facts = {"failures": failures, "set_apart": apart, **summary(progress)}
+    facts = {"failures": failures, "set_apart": apart, **summary(progress), **told}
     return RunResult(pd.DataFrame(progress.rounds), pd.DataFrame(progress.evaluations), facts, times(progress))
 
 

@@ -30,6 +30,7 @@ def judge_and_keep(
     success = float(recoveries.success.mean())
     row: dict[str, float] = {
         "control_steps": progress.control_steps,
+        "spared": progress.spared,
         "success": success,
         "episodes": len(recoveries.success),
         "evaluation_steps": int(recoveries.steps.sum()),
@@ -37,6 +38,6 @@ def judge_and_keep(
     progress.evaluations.append(row)
     if success >= progress.best:  # of equals the later one has learnt from more
         progress.best = success
-        facts = {"control_steps": progress.control_steps, "evaluation_success": success}
+        facts = {"control_steps": progress.control_steps, "evaluation_success": success, **learner.told}
         save_agent(folder, replace(policy, card=replace(policy.card, told=facts)), learner)
     return row

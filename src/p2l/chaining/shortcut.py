@@ -15,10 +15,18 @@ class Shortcut(Protocol):
     """Learns from the outcomes of simulated options which ones need no simulation.
 
     Axis letters: K decisions, O observation columns.
+
+    Attributes:
+        spared: control steps that the options so far that were not simulated would have taken, by its estimate.
     """
+
+    spared: int
 
     def sure(self, observation: Array, action: IntArray) -> BoolArray:
         """[K] whether `action` [K] is an option that will succeed from `observation` [K, O]."""
+
+    def spare(self, action: IntArray) -> None:
+        """Count the steps of options [K] that are not simulated in `spared`."""
 
     def begin(self, slots: IntArray, observation: Array, action: IntArray) -> None:
         """Decisions [K] whose actions are going to be simulated."""

@@ -37,9 +37,9 @@ class TrainSettings:
     """Budget and rhythm.
 
     Attributes:
-        budget: control steps to simulate, options included.
+        budget: control steps to simulate, options included, also those of options that a shortcut spares.
         slots: episodes at once.
-        evaluate_every: control steps between evaluations.
+        evaluate_every: control steps of the budget between evaluations.
         episodes: of an evaluation.
         ppo: of the algorithm.
         revisit: largest share of the episodes that start at earlier successes, in [0, 1], see `revisit`.
@@ -109,6 +109,7 @@ def summary(progress: Progress) -> dict[str, Any]:
     """Summary numbers of a completed run, the same on every machine; for wall times see `times`."""
     return {
         "control_steps": progress.control_steps,
+        "spared": progress.spared,
         "evaluation_steps": sum(row["evaluation_steps"] for row in progress.evaluations),
         "decisions": int(sum(value for row in progress.rounds for name, value in row.items() if "chosen:" in name)),
         "timeouts": sum(row["timeouts"] for row in progress.rounds),
@@ -125,7 +126,7 @@ def times(progress: Progress) -> dict[str, float]:
 
 
 def card_of(task: ChainTask, learner: Learner, name: str, config_hash: str, narrowest: float = NARROWEST) -> Card:
-    """The card of the policy to train; observations are standardised over the start states of the episodes."""
+    """The card of the policy to train; observations are standardised over the starts of the episodes, at first."""
     state = first_state(task.world, learner.starts, learner.limits)
     return Card(
         world=task.world.name,
@@ -166,12 +167,13 @@ def train(
     progress = load_checkpoint(folder, card) or Progress()
     steps_before = progress.control_steps
     if steps_before:
-        report("resumed", {"control_steps": steps_before})
+        report("resumed", {"control_steps": steps_before, "spared": progress.spared})
     torch.set_num_threads(1)  # the networks are small, and their first weights depend on the number of threads
     rng = generator(task.seed, "chain_recoveries", task.world.name, "starts", 0)
     pool = learner.pool(task, rng, settings.slots, settings.revisit)
     seed = entropy(task.seed, "chain_recoveries", task.world.name, "ppo", 0) & (2**32 - 1)
-    model = PoolPPO(pool, settings.ppo, card.normalisation, seed, learner.shortcut)
+    running = learner.running_normalisation
+    model = PoolPPO(pool, settings.ppo, card.normalisation, seed, learner.shortcut, running=running)
     if progress.tensors:
         restore(model, progress, rng)
     watcher = _Watcher(task, learner, evaluation_starts, settings, card, folder, report, progress, rng)
@@ -223,11 +225,12 @@ class _Watcher(BaseCallback):
 
     def _on_rollout_end(self) -> None:
         one, progress = self.model.round, self._progress
-        progress.control_steps = self.model.num_timesteps
+        progress.control_steps, progress.spared = self.model.pool.control_steps, self.model.spared
         counts = {f"chosen:{name}": int(k) for name, k in zip(self.model.pool.actions, one.action_counts, strict=True)}
         row: dict[str, float] = {
             "round": len(progress.rounds),
             "control_steps": progress.control_steps,
+            "spared": progress.spared,
             "ended": one.ended,
         }
         row |= {
@@ -240,18 +243,19 @@ class _Watcher(BaseCallback):
         self._timeouts = self.model.pool.timeouts
         progress.rounds.append(row)
         self._report("round", {**row, "seconds": self._seconds()})
-        last = progress.evaluations[-1]["control_steps"]
-        if progress.control_steps - last >= self._settings.evaluate_every:
+        last = progress.evaluations[-1]
+        if self.model.num_timesteps - last["control_steps"] - last["spared"] >= self._settings.evaluate_every:
             self._evaluate()
 
     def finish(self) -> None:
         """The last evaluation: after the last update, unless the last rollout has just had one."""
-        if self._progress.evaluations[-1]["control_steps"] < self._progress.control_steps:
+        last = self._progress.evaluations[-1]
+        if last["control_steps"] + last["spared"] < self.model.num_timesteps:
             self._evaluate()
 
     def _evaluate(self) -> None:
         progress, start_s = self._progress, self._seconds()
-        progress.control_steps = self.model.num_timesteps
+        progress.control_steps, progress.spared = self.model.pool.control_steps, self.model.spared
         policy = export_policy(self.model, self._card)
         row = judge_and_keep(policy, self._task, self._learner, self._evaluation_starts, progress, self._folder)
         progress.evaluation_seconds += self._seconds() - start_s

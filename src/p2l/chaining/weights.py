@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -32,7 +33,7 @@ def restore(model: PoolPPO, progress: Progress, rng: np.random.Generator) -> Non
     model.gatherer.restore(part(arrays, "gatherer."))
     if model.shortcut is not None:
         model.shortcut.restore(part(arrays, "shortcut."))
-    model.num_timesteps = model.pool.control_steps
+    model.num_timesteps = model.budget_steps
     restore_generator(rng, arrays["rng.starts"])
     torch.set_rng_state(by_name["rng.torch"])
     kind, key, place, has_gauss, gauss = json.loads(arrays["rng.numpy"].tobytes())
@@ -57,11 +58,15 @@ def tensors(model: PoolPPO, rng: np.random.Generator) -> dict[str, torch.Tensor]
 
 
 def export_policy(model: PoolPPO, card: Card) -> Policy:
-    """The actor alone, in half precision: evaluations use the policy of the file, and the file is half as large."""
+    """The actor alone, in half precision: evaluations use the policy of the file, and the file is half as large.
+
+    Its card has the present normalisation, where that is a running one.
+    """
     modules = dict(model.policy.named_modules())
     layers = [part for name, part in modules.items() if name.startswith("mlp_extractor.policy_net.")]
     layers = [part for part in (*layers, modules["action_net"]) if isinstance(part, torch.nn.Linear)]
     weights: dict[str, torch.Tensor] = {}
     for index, layer in enumerate(layers):
         weights |= {f"w{index}": layer.weight.detach().half(), f"b{index}": layer.bias.detach().half()}
-    return Policy(card, weights)
+    running = model.normalisation
+    return Policy(card if running is None else replace(card, normalisation=running), weights)

@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Annotated, Any
 
-from pydantic import Field, model_validator
+from pydantic import (
+    Field,
+    SerializerFunctionWrapHandler,
+    ValidationError,
+    model_serializer,
+    model_validator,
+)
 
 from p2l.chaining.learners.table import LEARNERS
 from p2l.schema.base import ChoiceConfig, ConfigSection, Count, NotNegative, Positive, Probability, StageConfig
@@ -15,11 +22,24 @@ Seed = Annotated[int, Field(ge=0)]
 
 
 class LearnerConfig(ChoiceConfig):
-    """A learner; `budget_share` is the share of the stage's budget that it may simulate: a lazy learner gets less."""
+    """A learner.
+
+    Attributes:
+        budget_share: share of the stage's budget that it gets.
+        ppo: settings of PPO that differ from the stage's.
+    """
 
     registry = LEARNERS
 
     budget_share: Annotated[float, Field(gt=0, le=1)] = 1.0
+    ppo: dict[str, Any] = Field(default_factory=dict)
+
+    @model_serializer(mode="wrap")
+    def _without_what_is_absent(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """A configuration is the same as before there were targets, or settings of PPO of its own."""
+        values: dict[str, Any] = plain(self)
+        absent = [key for key in ("target", "ppo") if not values[key]]
+        return {key: values[key] for key in ("name", *values) if key not in absent}
 
 
 class LimitsConfig(ConfigSection):
@@ -82,6 +102,27 @@ class ChainRecoveriesConfig(WorldStageConfig):
         """One run without what does not concern it: `learner` with `seed` of those that are compared, or its own."""
         update = {} if learner is None else {"learner": self.learners[learner], "seed": seed}
         return self.model_copy(update={**update, "compare": (), "seeds": (), "learners": {}, "records": None})
+
+    def ppo_of(self, learner: LearnerConfig) -> PPOConfig:
+        """Settings of PPO for a learner: the stage's, but for its own."""
+        return PPOConfig.model_validate_json(json.dumps({**self.ppo.model_dump(mode="json"), **learner.ppo}))
+
+    @model_validator(mode="after")
+    def _settings_of_ppo(self) -> ChainRecoveriesConfig:
+        for place, learner in {
+            "learner": self.learner,
+            **{f"learners.{n}": v for n, v in self.learners.items()},
+        }.items():
+            try:
+                self.ppo_of(learner)
+            except ValidationError as error:
+                first = error.errors(include_url=False)[0]
+                key = ".".join(str(part) for part in first["loc"])
+                allowed = (
+                    f"; its keys are {', '.join(PPOConfig.model_fields)}" if first["type"] == "extra_forbidden" else ""
+                )
+                raise ValueError(f"{place}.ppo.{key}: given {first['input']!r}; {first['msg']}{allowed}") from None
+        return self
 
     @model_validator(mode="after")
     def _runs(self) -> ChainRecoveriesConfig:

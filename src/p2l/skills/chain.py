@@ -96,6 +96,7 @@ def run(
     rows: Rows,
     *,
     first: IntArray | None = None,
+    muted: BoolArray | None = None,
     choose: Choose | None = None,
     stop_on_failure: bool = True,
     slots: int = 64,
@@ -109,6 +110,7 @@ def run(
         options: the chain, or whatever `choose` picks from.
         rows: [N] where the episodes start.
         first: [N] option to start with; 0 without it.
+        muted: [N] the start is a failure whose flag is still up, see `Runner.place`; none is without it.
         choose: next option after each of the moments given, `FINISH` to end the episode; the plain chain without it.
             Asked also after a timeout, and after a flag where failures do not stop an episode.
         stop_on_failure: a detector's flag ends the episode.
@@ -120,6 +122,7 @@ def run(
     count = len(rows)
     following = choose or in_order(options)
     begin = np.zeros(count, dtype=np.int64) if first is None else np.asarray(first, dtype=np.int64)
+    flags_up = np.zeros(count, dtype=np.bool_) if muted is None else np.asarray(muted, dtype=np.bool_)
     runner = open_runner(world, options, min(slots, max(count, 1)), stop_on_failure=stop_on_failure)
     episode = np.full(len(runner.busy), -1, dtype=np.int64)
     parts: list[Moments] = []
@@ -130,7 +133,8 @@ def run(
         if len(new):
             slots_new = free[: len(new)]
             episode[slots_new] = new
-            runner.start(slots_new, rows.take(new), begin[new])
+            runner.place(slots_new, rows.take(new), flags_up[new])
+            runner.begin(slots_new, begin[new])
             waiting += len(new)
         busy = np.flatnonzero(runner.busy)
         events = runner.advance(by_step=watch is not None)

@@ -129,10 +129,13 @@ def test_learners_of_ones_own_and_several_seeds_are_on_the_page(made, tmp_path):
     own = table[table["method"] == "pp"].assign(method="short")
     lazy = {"method": "lazy_rc", "setting": "world=shelf", "metric": "success_minus_rc"}
     lazy |= {"mean": -0.02, "low": -0.06, "high": 0.02, "n": 5}
-    pd.concat([table, own, pd.DataFrame([lazy])], ignore_index=True).to_csv(file, index=False)
+    given = {"method": ["rc", "rl"], "setting": "world=shelf", "metric": "revisited", "mean": [0.31, 0.0], "n": 5}
+    pd.concat([table, own, pd.DataFrame([lazy]), pd.DataFrame(given)], ignore_index=True).to_csv(file, index=False)
     section = chains.table_5_1(replace(made, data=seal(data)))
     [sheet] = section.sheets
     assert sheet.head == ["", "Nominal", "Nominal + RC", "Nominal + Lazy RC", "Nominal + PP", "RL", "Nominal + short"]
+    [again] = [row for row in sheet.rows if row[0] == "– episodes from earlier successes"]
+    assert again[1:] == ["–", "31 %", "–", "–", "0 %", "–"], "of those that have trained here"
     assert any(isinstance(part, str) and "shelf -2.0 [-6.0, +2.0]" in part for part in section.parts)
 
 

@@ -73,6 +73,27 @@ def test_learners_are_compared_with_rc_on_the_same_starts(thesis):
     assert not len(table[(table["method"] == "rc") & (table["metric"] == "success_minus_rc")])
 
 
+def test_what_trainings_were_given_stands_beside_their_success(thesis):
+    """RC revisits a quarter and a half of its episodes; what a lazy learner spares is a share of its budget."""
+    counts = {("rc", 0): (90, 30, 0), ("rc", 1): (50, 50, 0), ("lazy_rc", 0): (100, 0, 100), ("rl", 0): (10, 0, 0)}
+    trainings = []
+    for (learner, seed), (ended, revisited, spared) in counts.items():
+        rounds = pd.DataFrame(
+            {"ended": [ended - 5, 5], "revisited": [0, revisited], "control_steps": [10, 400], "spared": [0, spared]}
+        )
+        trainings.append(Learning(learner, seed, rounds, pd.DataFrame()))
+    parts = [episodes("rc", 0, 6, 4, 3), episodes("rc", 1, 8, 2, 1), episodes("lazy_rc", 0, 6, 4, 1)]
+    parts.append(episodes("rl", 0, 0, 10, 1))
+    table = table_5_1({"pick_place": pd.concat(parts)}, thesis, {"pick_place": trainings})
+    assert cell(table, "rc", "revisited")["mean"] == pytest.approx((0.25 + 0.5) / 2)
+    assert cell(table, "rc", "revisited", "world=pick_place;seed=1")["mean"] == 0.5
+    assert cell(table, "lazy_rc", "revisited")["mean"] == cell(table, "rl", "revisited")["mean"] == 0.0
+    assert cell(table, "lazy_rc", "spared")["mean"] == pytest.approx(100 / 500)
+    assert cell(table, "lazy_rc", "control_steps")["mean"] == 400.0
+    early = [Learning("rc", 0, trainings[0].rounds.drop(columns="spared"), pd.DataFrame())]
+    assert "spared" not in set(table_5_1({"pick_place": parts[0]}, thesis, {"pick_place": early})["metric"])
+
+
 def run(learner, seed, *points, chosen=((3, 1), (0, 5))):
     evaluations = pd.DataFrame(points, columns=["control_steps", "success"])
     rounds = pd.DataFrame(chosen, columns=["chosen:from pick", "chosen:from place"])

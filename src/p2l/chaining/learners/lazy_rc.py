@@ -8,7 +8,9 @@ outcome of an option does not depend on the policy, so every outcome stays valid
    time and again, and copies on both sides of the split would make any forest look right.
 2. A share of the certain options is simulated all the same (`audit`): the policy goes where it is rewarded, and without
    audits a forest that is wrong there would never be corrected.
-3. The classifier is a forest of randomised trees: no scale to tune, and probabilities that are shares of votes.
+3. The budget is charged for what is not simulated, too, with the mean length of that option's simulated successes. So a
+   run makes as many decisions as RecoveryChaining's, and the control steps that it spares are a result, not a setting.
+4. The classifier is a forest of randomised trees: no scale to tune, and probabilities that are shares of votes.
 
 Axis letters: K decisions, O observation columns.
 """
@@ -24,6 +26,7 @@ import numpy.typing as npt
 from sklearn.ensemble import ExtraTreesClassifier
 from sklearn.model_selection import train_test_split
 
+from p2l.chaining.certainty import certain_from
 from p2l.chaining.learner import ChainTask, Learner, share, whole
 from p2l.chaining.mdp import Limits, Transitions
 from p2l.errors import ConfigError
@@ -64,7 +67,7 @@ class LazySettings:
         for name in ("precision", "held_out"):
             if not share(getattr(self, name)):
                 raise ConfigError(f"lazy_rc: {name} must be a number above 0 and below 1, got {getattr(self, name)!r}")
-        if not share(self.audit) and self.audit != 1.0:  # without audits a run may simulate nothing, and never end
+        if not share(self.audit) and self.audit != 1.0:  # without audits no forest is ever corrected
             raise ConfigError(f"lazy_rc: audit must be a number above 0 and at most 1, got {self.audit!r}")
 
 
@@ -88,6 +91,8 @@ class Lazy:
         self._fit_sizes = [0] * options
         self._forests: list[tuple[ExtraTreesClassifier, float] | None] = [None] * options
         self._pending: dict[int, tuple[int, Array]] = {}
+        self._lengths = np.zeros((options, 2), dtype=np.int64)  # control steps of simulated successes, and their number
+        self.spared = 0
 
     def sure(self, observation: Array, action: IntArray) -> BoolArray:
         """[K] certain to succeed, and not selected for an audit."""
@@ -99,6 +104,11 @@ class Lazy:
                 certain[mine] = forest.predict_proba(observation[mine])[:, 1] >= threshold
         return np.asarray(certain & (self._rng.random(len(action)) >= self.settings.audit))
 
+    def spare(self, action: IntArray) -> None:
+        """Count options [K] that are not simulated, each with the mean length of its simulated successes."""
+        steps, number = self._lengths[action - self._own].T
+        self.spared += int(np.rint(steps / np.maximum(number, 1)).sum())
+
     def begin(self, slots: IntArray, observation: Array, action: IntArray) -> None:
         """Remember the options that are simulated, and their observations."""
         for slot, one, option in zip(slots.tolist(), observation, (action - self._own).tolist(), strict=True):
@@ -107,9 +117,11 @@ class Lazy:
 
     def end(self, transitions: Transitions) -> None:
         """Learn from the outcomes of options that have ended."""
-        for slot, done in zip(transitions.slot.tolist(), transitions.done.tolist(), strict=True):
+        outcomes = zip(transitions.slot.tolist(), transitions.done.tolist(), transitions.steps.tolist(), strict=True)
+        for slot, done, steps in outcomes:
             if (pending := self._pending.pop(slot, None)) is not None:
                 self._note(*pending, done)
+                self._lengths[pending[0]] += done * np.array([steps, 1])
         for option, successes in enumerate(self._successes):
             if len(successes) - self._fit_sizes[option] >= self.settings.refit_after:
                 self._refit(option)
@@ -151,6 +163,8 @@ class Lazy:
         arrays: dict[str, npt.NDArray[Any]] = {
             "rng": generator_state(self._rng),
             "fit_sizes": np.array(self._fit_sizes),
+            "lengths": self._lengths,
+            "spared": np.array(self.spared),
             **pending,
         }
         arrays |= {
@@ -167,6 +181,7 @@ class Lazy:
     def restore(self, state: Mapping[str, npt.NDArray[Any]]) -> None:
         """From what `state` gave."""
         restore_generator(self._rng, state["rng"])
+        self._lengths[:], self.spared = state["lengths"], int(state["spared"])
         for option, fit_size in enumerate(state["fit_sizes"].tolist()):
             if f"seen.{option}" in state:
                 outcomes = zip(state[f"seen.{option}"], state[f"paid.{option}"], strict=True)
@@ -177,15 +192,6 @@ class Lazy:
         if "slots" in state:
             options = zip(state["options"].tolist(), state["observations"], strict=True)
             self._pending = dict(zip(state["slots"].tolist(), options, strict=True))
-
-
-def certain_from(probability: Array, success: BoolArray, precision: float, support: int) -> float | None:
-    """The lowest threshold at and above which more than `precision` of at least `support` outcomes are successes."""
-    order = np.argsort(-probability, kind="stable")
-    right = np.cumsum(success[order]) / np.arange(1, len(order) + 1)
-    last_of_value = np.append(np.diff(probability[order]) < 0.0, True)
-    good = np.flatnonzero((right > precision) & last_of_value & (np.arange(len(order)) >= support - 1))
-    return None if not len(good) else float(probability[order[good[-1]]])
 
 
 def learner(

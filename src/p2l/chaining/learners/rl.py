@@ -5,9 +5,12 @@ place.
 
 1. "Just the primitive actions" cannot move the fingers, so that nothing could ever be held; this learner may also open
    and close them.
-2. Its episodes have to last for a whole task: they have bounds of their own.
+2. Its episodes have to last for a whole task: they have bounds of their own. Scripts of single primitives need a median
+   of 63 decisions, up to 79; who learns by trial gets about twice as many.
 3. The growth is Φ' − Φ. Ng, Harada and Russell (1999) leave the best policy unchanged with γ Φ' − Φ, which charges
    1 − γ of the potential for every decision near the goal; without it a way to and fro gains as much, 1 % of it.
+4. Nothing ends an episode early, so that λ is SB3's 0.95 here (conf/learner/rl.yaml), and the observations of a whole
+   task are far from those at its start, so that their standardisation goes on while it learns.
 """
 
 from __future__ import annotations
@@ -32,7 +35,7 @@ REACH, HOLD, CARRY = 0.3, 0.2, 0.5
 NEAR_M, SHARPNESS_PER_M = 0.06, 5.0
 
 
-def learner(task: ChainTask, limits: Limits, *, decisions: int = 80, starts: int = 500) -> Learner:
+def learner(task: ChainTask, limits: Limits, *, decisions: int = 150, starts: int = 500) -> Learner:
     """The whole task.
 
     Args:
@@ -55,7 +58,15 @@ def learner(task: ChainTask, limits: Limits, *, decisions: int = 80, starts: int
     rows = task.world.sample(generator(task.seed, "rl", task.world.name, "starts"), starts)
     bounds = replace(limits, decisions=decisions, primitive_steps=10 * decisions)
     dense = _growth(task.world, task.world.delivery_pos)
-    return Learner(bounds, rows, (*task.world.primitives(), *GRIPS), options=False, judge=dense, whole_task=True)
+    return Learner(
+        bounds,
+        rows,
+        (*task.world.primitives(), *GRIPS),
+        options=False,
+        judge=dense,
+        whole_task=True,
+        running_normalisation=True,
+    )
 
 
 def potential(world: World, rows: Rows, place: Place) -> Array:

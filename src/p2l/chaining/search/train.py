@@ -181,6 +181,7 @@ class _Run:
         row: dict[str, float] = {
             "round": len(progress.rounds),
             "control_steps": progress.control_steps,
+            "spared": 0,
             "ended": len(trials),
             "done": int(trials.success.sum()),
             "revisited": 0,
@@ -254,7 +255,7 @@ def search_train(
     search = SearchMemory(OutcomeTable(), {}, rng)
     if progress.tensors:
         search.restore(progress.tensors)
-        report("resumed", {"control_steps": progress.control_steps})
+        report("resumed", {"control_steps": progress.control_steps, "spared": 0})
     longest = min(plan.longest, learner.limits.decisions - 1)
     space = MacroSpace(len(learner.primitives), len(card.actions) - len(learner.primitives), longest)
     features = pair_features(state.values, state.names)

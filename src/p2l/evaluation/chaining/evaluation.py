@@ -83,7 +83,7 @@ def chain_report(out: Path, evaluation: ChainEvaluation, thesis: Path) -> tuple[
         headline numbers, and the files.
     """
     reference, runs = load_thesis(thesis, CHAPTER), {evaluation.item: evaluation.runs}
-    sheets = {tables.TABLE: tables.table_5_1({evaluation.item: evaluation.episodes}, reference)}
+    sheets = {tables.TABLE: tables.table_5_1({evaluation.item: evaluation.episodes}, reference, runs)}
     sheets[TRANSFERS] = table_5_2(evaluation.item, evaluation.transfers, reference)
     own = {OWN: evaluation.episodes[evaluation.episodes["learner"] == MAIN]}
     sheets[ABLATION] = ablation_5(evaluation.item, {**own, **evaluation.ablation}, reference)

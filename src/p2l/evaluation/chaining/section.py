@@ -27,6 +27,7 @@ PROTOCOL_5_2 = (
     "environment with its own controller, its gains matched to the skills' impedance, and its own test of success. The "
     "thesis's rows are 5 attempts each on a real robot."
 )
+TRAINED = {"revisited": "– episodes from earlier successes", "spared": "– budget not simulated"}  # in training
 STEP_METRICS = ("control_steps", "ratio", "reached")
 
 
@@ -140,6 +141,12 @@ def _success(name: str, table: pd.DataFrame, cells: readings.Cells) -> PageTable
             value = math.nan if row is None else float(row["thesis"])
             thesis.append("–" if math.isnan(value) else f"{100.0 * value:.3g} %")
         rows += [ours, thesis]
+        for metric, label in TRAINED.items():
+            of_method = [cells.get((setting, method, metric)) for method in methods]
+            if any(of_method):
+                rows.append(
+                    [label, *("–" if one is None else f"{100.0 * float(one['mean']):.0f} %" for one in of_method)]
+                )
     caption = f"Overall success. {TRAININGS} Recoveries and single trainings are in the file."
     return PageTable(
         name, table, ["", *(METHODS.get(method, f"Nominal + {method}") for method in methods)], rows, caption

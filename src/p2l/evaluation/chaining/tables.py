@@ -37,13 +37,15 @@ class Learning:
     evaluations: pd.DataFrame
 
 
-def table_5_1(episodes: Mapping[str, pd.DataFrame], thesis: Thesis) -> pd.DataFrame:
+def table_5_1(
+    episodes: Mapping[str, pd.DataFrame], thesis: Thesis, runs: Mapping[str, Iterable[Learning]] | None = None
+) -> pd.DataFrame:
     """Overall success of every learner in every world, beside the nominal skills.
 
     Intervals are `statistics.rate_interval`'s; those of the nominal skills, which no training changes, are Wilson's.
     `recovery` counts only episodes that were flagged, and is left out for learners of the whole task.
     `success_minus_rc` is a learner's rate less that of RC on the same start states: mean and t limits of the seeds'
-    differences. Rows with a seed have the rates of its episodes.
+    differences. Rows with a seed have the rates of its episodes. For `runs` see `_of_training`.
     """
     rows: list[Row] = []
     for world, table in episodes.items():
@@ -62,7 +64,33 @@ def table_5_1(episodes: Mapping[str, pd.DataFrame], thesis: Thesis) -> pd.DataFr
             rows.append(_of("nominal", setting, "success", totals(first)["nominal"]))
             for seed, own in first.groupby("seed"):
                 rows.append(_of("nominal", f"{setting};seed={seed}", "success", totals(own)["nominal"]))
+        rows += _of_training((runs or {}).get(world, ()), setting)
     return thesis.beside(table_of(rows), TABLE)
+
+
+def _of_training(runs: Iterable[Learning], setting: str) -> list[Row]:
+    """What the trainings of every learner were given, over seeds, and each seed.
+
+    `revisited` is the share of their episodes that started at earlier successes, `control_steps` how many they
+    simulated, `spared` the share of their budget that was not simulated. Records from before `spared` lack it.
+    """
+    rows: list[Row] = []
+    for learner, own in _by_learner(runs).items():
+        values: dict[str, dict[int, float]] = {}
+        for run in own:
+            if "revisited" in run.rounds:
+                again, fresh = float(run.rounds["revisited"].sum()), float(run.rounds["ended"].sum())
+                values.setdefault("revisited", {})[run.seed] = again / max(again + fresh, 1.0)
+            steps = float(run.rounds["control_steps"].iloc[-1])
+            values.setdefault("control_steps", {})[run.seed] = steps
+            if "spared" in run.rounds:
+                spared = float(run.rounds["spared"].iloc[-1])
+                values.setdefault("spared", {})[run.seed] = spared / max(steps + spared, 1.0)
+        for name, by_seed in values.items():
+            interval = t_interval(list(by_seed.values()))
+            rows.append(interval_row(learner, setting, name, replace(interval, low=np.maximum(interval.low, 0.0))))
+            rows += [single_row(learner, f"{setting};seed={seed}", name, value) for seed, value in by_seed.items()]
+    return rows
 
 
 def _beside_main(table: pd.DataFrame, setting: str) -> list[Row]:
