@@ -90,9 +90,7 @@ def train(task: ChainTask, name: str, budget: int) -> tuple[TimedPPO, float]:
     return model, time.perf_counter() - start
 
 
-def measure(
-    name: str, learner: str, budget: int, rounds: int, threads: int, version: int | None = None
-) -> report.Row:
+def measure(name: str, learner: str, budget: int, rounds: int, threads: int, version: int | None = None) -> report.Row:
     """Training and replay in turns."""
     task = chain_task(name, threads, version)
     with Recorder(task.world) as recorder:

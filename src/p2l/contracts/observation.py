@@ -73,6 +73,11 @@ class Observation(NamedColumns):
     """What a deployed policy observes."""
 
     @classmethod
+    def unseen(cls, rows: int) -> Observation:
+        """N rows without fields, for what decides without looking (`contracts.option.from_memory`)."""
+        return cls({}, np.empty((rows, 0)))
+
+    @classmethod
     def stack(cls, history: Sequence[Observation]) -> Observation:
         """The newest observation first, then older ones as fields `<name>@-1`, `<name>@-2` and so on.
 

@@ -17,7 +17,7 @@ from scipy.spatial.transform import Rotation
 
 from p2l import poses
 from p2l.contracts.observation import Observation, Privileged
-from p2l.contracts.option import OptionStep
+from p2l.contracts.option import OptionStep, from_memory
 from p2l.contracts.rows import Command
 from p2l.records import Array, BoolArray, IntArray
 
@@ -63,6 +63,7 @@ class Primitive:
         grip = observation["grip_command"] if self.grip is None else np.full((len(observation), 1), self.grip)
         return np.concatenate([observation["target_pos_m"], observation["target_quat"], pos, quat, grip], axis=1)
 
+    @from_memory
     def decide(self, observation: Observation, memory: Array, step: IntArray) -> OptionStep:  # noqa: ARG002
         """On the way to the new target, or there."""
         share = np.minimum((step + 1) / MOVE_STEPS, 1.0)
