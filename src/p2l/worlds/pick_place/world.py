@@ -33,6 +33,7 @@ from p2l.records import Array, BoolArray, IntArray
 from p2l.sim.batch import Chunk
 from p2l.sim.posture import reach
 from p2l.sim.scene import WRIST_FORCE, Parts, build
+from p2l.worlds.felt import FELT_SIZE, felt_force
 from p2l.worlds.pick_place.bins import (
     BIN1_POS_M,
     BIN2_POS_M,
@@ -44,7 +45,6 @@ from p2l.worlds.pick_place.bins import (
     QUARTER_M,
     hand_room,
 )
-from p2l.worlds.felt import FELT_SIZE, felt_force
 from p2l.worlds.pick_place.skills import options, quarter_turn
 from p2l.worlds.robot import RobotWorld, physics_of
 
@@ -161,7 +161,7 @@ class PickPlace(RobotWorld):
         return body | {
             "object_pos_m": pos,
             "object_quat": self.read(rows, "object_quat"),
-            "object_in_grip_m": poses.rotate(poses.rotation(body["grip_quat"]).inv(), pos - body["grip_pos_m"]),
+            "object_in_grip_m": poses.image(poses.inverse(poses.unit(body["grip_quat"])), pos - body["grip_pos_m"]),
             "hand_room_m": hand_room(pos, np.asarray(body["grip_quat"])),
             "force_n": np.linalg.norm(self.read(rows, WRIST_FORCE), axis=1),
         }
@@ -170,7 +170,7 @@ class PickPlace(RobotWorld):
         body = self._body(rows)
         arm, pos = self.arm(rows), self.read(rows, "object_pos") + error
         velocity = self.engine.qvel(rows.states)
-        hand = poses.rotation(body["grip_quat"]).inv()
+        hand, quat = poses.inverse(poses.unit(body["grip_quat"])), self.read(rows, "object_quat")
         seen = body | {
             "arm_cos": np.cos(arm),
             "arm_sin": np.sin(arm),
@@ -178,9 +178,9 @@ class PickPlace(RobotWorld):
             "finger_pos_m": np.stack([self.joint(rows, joint) for joint in self._fingers_at], axis=1),
             "finger_vel_m_s": velocity[:, self._finger_dofs],
             "object_pos_m": pos,
-            "object_quat": self.read(rows, "object_quat"),
-            "object_in_grip_m": poses.rotate(hand, pos - body["grip_pos_m"]),
-            "object_in_grip_quat": poses.quat(hand * poses.rotation(self.read(rows, "object_quat"))),
+            "object_quat": quat,
+            "object_in_grip_m": poses.image(hand, pos - body["grip_pos_m"]),
+            "object_in_grip_quat": poses.canonical(poses.product(hand, poses.unit(quat))),
             "force_high": rows.memory[:, _FORCE],
             "actions": rows.actions,
         }

@@ -210,7 +210,7 @@ class Shelf(RobotWorld):
         }
         return seen if self.version == 1 else seen | self._relative(rows, body["grip_pos_m"], pos, shelf)
 
-    def _relative(self, rows: Rows, grip: Array, pos: Array, shelf: Array) -> Fields:
+    def _relative(self, rows: Rows, grip: Array, pos: Array, shelf: Array) -> dict[str, Array]:
         """Where hand, thing and shelf are to one another, alike for every thing, and what was felt."""
         planned = [0.0, self.thing.grip_before_m, -self.thing.grip_above_m]  # of the thing, from the hand that holds it
         return {
