@@ -128,11 +128,11 @@ def between(start: Array, end: Array, fraction: Array) -> Array:
     Spherical interpolation in place of scipy's `Slerp`, which takes one pair at a time; it runs at every control step.
     """
     dot = (start * end).sum(axis=1)
-    angle = np.arccos(np.clip(np.abs(dot), 0.0, 1.0))
+    angle = np.arccos(np.minimum(np.abs(dot), 1.0))
     sine = np.sin(angle)
     near = sine < 1e-6
     safe = np.where(near, 1.0, sine)
     first = np.where(near, 1.0 - fraction, np.sin((1.0 - fraction) * angle) / safe)
     second = np.where(near, fraction, np.sin(fraction * angle) / safe) * np.where(dot < 0.0, -1.0, 1.0)
     blend = first[:, None] * start + second[:, None] * end
-    return np.asarray(blend / np.linalg.norm(blend, axis=1, keepdims=True))
+    return np.asarray(blend / np.sqrt((blend * blend).sum(axis=1, keepdims=True)))

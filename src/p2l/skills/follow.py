@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -77,12 +78,17 @@ class Follow:
     def decide(self, observation: Observation, memory: Array, step: IntArray) -> OptionStep:  # noqa: ARG002
         """The pose on the present leg at the end of the next control step."""
         points = memory.reshape(len(memory), len(self.legs) + 1, 8)
-        ends = np.cumsum(self.legs)
+        starts, ends, moving = self._times
         leg = np.minimum(np.searchsorted(ends, step, side="right"), len(ends) - 1)
-        moving = np.maximum(np.asarray(self.legs) - np.asarray(self.settle), 1)
         rows = np.arange(len(memory))
-        fraction = np.clip((step - (ends - self.legs)[leg] + 1) / moving[leg], 0.0, 1.0)
+        fraction = np.minimum((step - starts[leg] + 1) / moving[leg], 1.0)
         before, after = points[rows, leg], points[rows, leg + 1]
         pos = before[:, :3] + fraction[:, None] * (after[:, :3] - before[:, :3])
         quat = poses.between(before[:, 3:7], after[:, 3:7], fraction)
         return OptionStep(Command.pose(pos, quat, after[:, 7]), memory, step >= ends[-1])
+
+    @cached_property
+    def _times(self) -> tuple[IntArray, IntArray, IntArray]:
+        """[W] control steps at the start and at the end of each leg, and those in which its target moves."""
+        ends = np.cumsum(self.legs)
+        return ends - self.legs, ends, np.maximum(np.asarray(self.legs) - np.asarray(self.settle), 1)

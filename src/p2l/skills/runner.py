@@ -189,7 +189,8 @@ class Runner:
         before = self.rows.take(slots)
         after, kind, diverged = self.world.advance(before, command)
         sound = np.flatnonzero(~diverged)
-        self.rows.put(slots[sound], after.take(sound))  # a diverged row keeps its last sound moment
+        # A diverged row keeps its last sound moment.
+        self.rows.put(slots[sound], after if len(sound) == len(slots) else after.take(sound))
         self.step[slots] += 1
         self.steps_total[slots] += 1
         with np.errstate(invalid="ignore", over="ignore"):  # of diverged rows, whose way does not count

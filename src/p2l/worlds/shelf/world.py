@@ -243,11 +243,12 @@ class Shelf(RobotWorld):
         high = force > self.force_limit_n
         close_command, pose = command.grip > 0.5, self._in_hand(after)
         up = self.read(after, "object_pos")[:, 2] > TABLE_M + self.thing.bottom_m + LIFTED_M
-        in_fingers = up & (self.gap_m(after) > EMPTY_GAP_M)
+        gap = self.gap_m(after)
+        in_fingers = up & (gap > EMPTY_GAP_M)
         memory = hand.hold(past, close_command, in_fingers, self._in_hand(before), pose)
         turn, shift = hand.slip(pose, memory)
         slip = (turn > self.slip_limit_rad) | (shift > self.slip_limit_m)
-        empty = close_command & (self.gap_m(after) <= EMPTY_GAP_M)
+        empty = close_command & (gap <= EMPTY_GAP_M)
         empty &= (past[:, hand.CLOSE_STEPS] == 0) | (self.gap_m(before) > EMPTY_GAP_M)
         kind = np.full(len(after), NO_FAILURE, dtype=np.int64)
         kind[self._clutter_turned(after) & ~self._clutter_turned(before)] = CLUTTER_ROTATED
