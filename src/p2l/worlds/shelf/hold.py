@@ -54,9 +54,11 @@ def slip(pose: InHand, memory: Array) -> tuple[Array, Array]:
     """Turn (rad) and shift (m), both [N], from the pose in `memory` [N, M]; 0 where nothing is in the hand."""
     pos, quat = pose
     grasp = memory[:, GRASP] > 0
-    reference = np.where(grasp[:, None], memory[:, QUAT], UPRIGHT_QUAT)
-    turn = poses.angle(reference, quat)
-    return np.where(grasp, turn, 0.0), np.where(grasp, np.linalg.norm(pos - memory[:, POS], axis=1), 0.0)
+    turn, shift = np.zeros(len(memory)), np.zeros(len(memory))
+    if grasp.any():
+        turn[grasp] = poses.angle(memory[grasp, QUAT], quat[grasp])
+        shift[grasp] = np.linalg.norm(pos[grasp] - memory[grasp, POS], axis=1)
+    return turn, shift
 
 
 def upright_distance(quat: Array) -> Array:
