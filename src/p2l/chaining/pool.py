@@ -144,7 +144,7 @@ class Pool:
         """
         self._refuse_unknown(slots, actions)
         self._refuse_busy(slots)
-        if not np.isin(actions, np.arange(len(self.actions))).all():
+        if not ((actions >= 0) & (actions < len(self.actions)) & (actions == np.floor(actions))).all():
             raise ConfigError(f"pool: actions must lie in [0, {len(self.actions)}), got {actions.tolist()}")
         self.waiting[slots] = False
         self._steps_before[slots] = self._runner.steps_total[slots]

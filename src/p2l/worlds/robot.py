@@ -110,7 +110,8 @@ class RobotWorld:
         single = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
         self._single = {name for name in joints if first.model.joint(name).type[0] in single}
         self._columns: dict[str, int] = {j: 1 + int(first.model.joint(j).qposadr[0]) for j in joints}
-        self._finger_columns = [column for name, column in self._columns.items() if "finger_joint" in name]
+        fingers = [column for name, column in self._columns.items() if "finger_joint" in name]
+        self._finger_columns = np.array(fingers, dtype=np.int64)
         self._arm = [self._columns[name] for name in first.arm_joints]
 
     @property

@@ -134,9 +134,9 @@ class PickPlace(RobotWorld):
         parts = Parts(arena, [bread], BASE_POS_WORLD, pose_sensors={"object": bread.root_body})
         scene = build(arm, parts, physics_of(version, timestep_s=timestep_s, **IMPEDANCE))
         super().__init__("pick_place", params, [scene], Estimator(estimator, (sigma_m,) * 3), nthread=nthread)
-        self._dofs = [int(scene.model.joint(joint).dofadr[0]) for joint in scene.arm_joints]
+        self._dofs = np.array([int(scene.model.joint(joint).dofadr[0]) for joint in scene.arm_joints])
         self._fingers_at = [joint for joint in self._columns if "finger_joint" in joint]
-        self._finger_dofs = [int(scene.model.joint(joint).dofadr[0]) for joint in self._fingers_at]
+        self._finger_dofs = np.array([int(scene.model.joint(joint).dofadr[0]) for joint in self._fingers_at])
         self._bread_at = self._columns[bread.joints[0]] - 1
         self._check_reach()
         self.observe_hand_as([0.0, 1.0, 1.0, 0.0])  # fingers down, as the Panda's joints put it
@@ -175,7 +175,7 @@ class PickPlace(RobotWorld):
             "arm_cos": np.cos(arm),
             "arm_sin": np.sin(arm),
             "arm_vel_rad_s": velocity[:, self._dofs],
-            "finger_pos_m": np.stack([self.joint(rows, joint) for joint in self._fingers_at], axis=1),
+            "finger_pos_m": rows.states[:, self._finger_columns],
             "finger_vel_m_s": velocity[:, self._finger_dofs],
             "object_pos_m": pos,
             "object_quat": quat,
