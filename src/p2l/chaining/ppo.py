@@ -126,6 +126,7 @@ class PoolPPO(PPO):
                 "net_arch": {"pi": sizes, "vf": sizes},
                 "features_extractor_class": Standardise,
                 "features_extractor_kwargs": extractor,
+                "optimizer_kwargs": {"eps": 1e-5, "fused": True},  # SB3's Adam in one pass over the weights
             },
             **keywords,
         )
