@@ -1,6 +1,7 @@
 """What learning where and how to recover costs: training beside the bare engine.
 
   python -m benchmarks.chains                                     RecoveryChaining on pick-place and on the shelf
+  python -m benchmarks.chains --worlds shelf --version 2           a version of our worlds other than their default
   python -m benchmarks.chains --worlds shelf --learners rc pp --json out.json
 
 Each learner trains for `--budget` control steps with the settings of `conf/`, from failures of fresh nominal executions
@@ -57,13 +58,18 @@ def settings(world: str) -> DictConfig:
     return OmegaConf.merge(defaults, OmegaConf.load(own)) if own.is_file() else defaults  # type: ignore[return-value]
 
 
-def chain_task(name: str, threads: int) -> ChainTask:
+def chain_task(name: str, threads: int, version: int | None = None) -> ChainTask:
     """A world with failures at the detectors' first flag.
+
+    Args:
+        name: of the world.
+        threads: of its simulator.
+        version: of our worlds, see `worlds.robot.VERSIONS`; the world's default without any.
 
     Raises:
         ConfigError: there are none.
     """
-    world = make_world(name, {"nthread": threads})
+    world = make_world(name, {"nthread": threads} | ({} if version is None else {"version": version}))
     nominal = world.nominal_options()
     last = chain.run(world, nominal, world.sample(np.random.default_rng(0), STARTS)).last
     failures = last.take(last.kind != NO_FAILURE).rows
@@ -85,9 +91,9 @@ def train(task: ChainTask, name: str, budget: int) -> tuple[TimedPPO, float]:
     return model, time.perf_counter() - start
 
 
-def measure(name: str, learner: str, budget: int, rounds: int, threads: int) -> report.Row:
+def measure(name: str, learner: str, budget: int, rounds: int, threads: int, version: int | None = None) -> report.Row:
     """Training and replay in turns."""
-    task = chain_task(name, threads)
+    task = chain_task(name, threads, version)
     with Recorder(task.world) as recorder:
         train(task, learner, budget)
     # Preconditions and the first states, learnt before training begins, are recorded first; the budget ends the rest.
@@ -133,10 +139,11 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--budget", type=report.positive, default=15_000, help="control steps")
     parser.add_argument("--threads", type=report.positive, default=2)
     parser.add_argument("--rounds", type=report.positive, default=3)
+    parser.add_argument("--version", type=report.positive, help="of our worlds; the world's default without it")
     args = parser.parse_args(arguments)
     torch.set_num_threads(1)  # as in training
     rows = [
-        measure(world, learner, args.budget, args.rounds, args.threads)
+        measure(world, learner, args.budget, args.rounds, args.threads, args.version)
         for world in args.worlds
         for learner in args.learners
     ]

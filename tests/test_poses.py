@@ -60,3 +60,30 @@ def test_rotate_is_scipys_apply_and_a_row_alone_is_the_row_among_others(seed):
     np.testing.assert_allclose(poses.rotate(turns[2], vectors), turns[2].apply(vectors), atol=1e-14)
     for size in (1, 2, 4):
         assert_array_equal(poses.rotate(turns[:size], vectors[:size]), turned[:size])
+
+
+@given(st.integers(0, 10_000))
+def test_plain_quaternions_are_scipys_rotations_and_a_row_alone_is_the_row_among_others(seed):
+    rng = np.random.default_rng(seed)
+    first, second, vectors = rng.normal(size=(7, 4)), rng.normal(size=(7, 4)), rng.normal(size=(7, 3))
+    one, other = poses.rotation(first), poses.rotation(second)
+    left, right = poses.unit(first), poses.unit(second)
+    for mine, scipys in (
+        (poses.canonical(left), poses.quat(one)),
+        (poses.canonical(poses.inverse(left)), poses.quat(one.inv())),
+        (poses.canonical(poses.product(left, right)), poses.quat(one * other)),
+        (poses.canonical(poses.product(left, right[:1])), poses.quat(one * other[0])),
+        (poses.image(left, vectors), poses.rotate(one, vectors)),
+        (poses.image(left, [0.0, 1.0, 0.0]), poses.rotate(one, [0.0, 1.0, 0.0])),
+    ):
+        np.testing.assert_allclose(mine, scipys, atol=1e-14)
+    for size in (1, 2, 4):
+        assert_array_equal(poses.product(left[:size], right[:size]), poses.product(left, right)[:size])
+        assert_array_equal(poses.image(left[:size], vectors[:size]), poses.image(left, vectors)[:size])
+        assert_array_equal(poses.unit(first[:size]), left[:size])
+
+
+def test_a_half_turn_has_one_sign():
+    half_turns = np.array([[0.0, -1.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 0.0, 0.0, -1.0], [-1.0, 0.0, 0.0, 0.0]])
+    assert_array_equal(poses.canonical(half_turns), -half_turns)
+    assert_array_equal(poses.canonical(half_turns), poses.quat(poses.rotation(half_turns)))

@@ -1,6 +1,11 @@
 """Poses as arrays: quaternions (w, x, y, z), rotations applied row by row, motions between waypoints.
 
-Rotation algebra is scipy's; this module only fixes the order of the components and the shapes.
+Rotation algebra is scipy's; this module fixes the order of the components and the shapes. What runs at every control
+step (`unit`, `inverse`, `product`, `image`, `angle`, `canonical`) is scipy's arithmetic on plain arrays, to the bit and
+without its objects, whose checks cost more than the numbers. All of it is element by element, so that a row alone comes
+to the same as among others.
+
+Axis letters: N rows.
 """
 
 from __future__ import annotations
@@ -12,6 +17,23 @@ from scipy.spatial.transform import Rotation
 from p2l.records import Array
 
 _SCALAR_LAST, _SCALAR_FIRST = [1, 2, 3, 0], [3, 0, 1, 2]  # an index costs a tenth of scipy's own `scalar_first`
+
+_CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])
+# The nine entries of a rotation matrix, row by row, as sums of four terms: products of two components, times a factor.
+_W, _X, _Y, _Z = range(4)
+_TERMS = (
+    ((_X, _X, 1), (_Y, _Y, -1), (_Z, _Z, -1), (_W, _W, 1)),
+    ((_X, _Y, 2), (_Z, _W, -2), (_W, _W, 0), (_W, _W, 0)),
+    ((_X, _Z, 2), (_Y, _W, 2), (_W, _W, 0), (_W, _W, 0)),
+    ((_X, _Y, 2), (_Z, _W, 2), (_W, _W, 0), (_W, _W, 0)),
+    ((_X, _X, -1), (_Y, _Y, 1), (_Z, _Z, -1), (_W, _W, 1)),
+    ((_Y, _Z, 2), (_X, _W, -2), (_W, _W, 0), (_W, _W, 0)),
+    ((_X, _Z, 2), (_Y, _W, -2), (_W, _W, 0), (_W, _W, 0)),
+    ((_Y, _Z, 2), (_X, _W, 2), (_W, _W, 0), (_W, _W, 0)),
+    ((_X, _X, -1), (_Y, _Y, -1), (_Z, _Z, 1), (_W, _W, 1)),
+)
+_ENTRIES = np.array([[4 * first + second for first, second, _ in entry] for entry in _TERMS]).T  # [4 terms, 9 entries]
+_ENTRY_SIGNS = np.array([[float(factor) for *_, factor in entry] for entry in _TERMS]).T
 
 
 def rotation(quat: Array) -> Rotation:
@@ -49,28 +71,55 @@ def frame(x_axis: Array, z_axis: Array) -> Array:
 def angle(first: Array, second: Array) -> Array:
     """[N] between two orientations [N, 4], rad.
 
-    The same to the bit as scipy's `(first⁻¹ · second).magnitude()`, which makes four objects where one will do; it runs
-    several times at every control step.
+    The same to the bit as scipy's `(first⁻¹ · second).magnitude()`, which makes four objects where one will do.
     """
-    w, x, y, z = _unit(first)
-    x, y, z = -x, -y, -z
-    a, b, c, d = _unit(second)
-    product = np.stack(
+    turn = _product(inverse(unit(first)), unit(second))
+    return np.asarray(Rotation.from_quat(turn[:, _SCALAR_LAST]).magnitude())
+
+
+def unit(quat: Array) -> Array:
+    """[N, 4] unit quaternions along [N, 4]."""
+    square = quat * quat
+    return np.asarray(quat / np.sqrt(square[:, 1] + square[:, 2] + square[:, 3] + square[:, 0])[:, None])
+
+
+def inverse(quat: Array) -> Array:
+    """[N, 4] of unit quaternions [N, 4]."""
+    return quat * _CONJUGATE
+
+
+def product(first: Array, second: Array) -> Array:
+    """[N, 4] of the rotations by `second`, then by `first`; unit quaternions [N, 4], either may be one row for all."""
+    return unit(_product(first, second))
+
+
+def image(quat: Array, vectors: npt.ArrayLike) -> Array:
+    """[N, 3] vectors [N, 3], or one [3], turned by unit quaternions [N, 4]; `rotate` without an object."""
+    terms = (quat[:, :, None] * quat[:, None, :]).reshape(-1, 16)[:, _ENTRIES] * _ENTRY_SIGNS
+    matrix = (terms[:, 0] + terms[:, 1] + terms[:, 2] + terms[:, 3]).reshape(-1, 3, 3)
+    parts = matrix * np.asarray(vectors, dtype=np.float64)[..., None, :]
+    return np.asarray(parts[..., 0] + parts[..., 1] + parts[..., 2])
+
+
+def canonical(quat: Array) -> Array:
+    """[N, 4] the same orientations with w ≥ 0, as `quat` gives them."""
+    w, x, y, z = quat.T
+    sign = np.where(w != 0.0, w, np.where(x != 0.0, x, np.where(y != 0.0, y, z)))
+    return np.where((sign < 0.0)[:, None], -quat, quat)
+
+
+def _product(first: Array, second: Array) -> Array:
+    w, x, y, z = first.T
+    a, b, c, d = second.T
+    return np.stack(
         [
+            w * a - x * b - y * c - z * d,
             w * b + a * x + (y * d - z * c),
             w * c + a * y + (z * b - x * d),
             w * d + a * z + (x * c - y * b),
-            w * a - x * b - y * c - z * d,
         ],
         axis=1,
     )
-    return np.asarray(Rotation.from_quat(product).magnitude())
-
-
-def _unit(quat: Array) -> Array:
-    """[4, N] components of unit quaternions along [N, 4]."""
-    w, x, y, z = quat.T
-    return np.asarray(quat.T / np.sqrt(x * x + y * y + z * z + w * w))
 
 
 def between(start: Array, end: Array, fraction: Array) -> Array:
@@ -79,11 +128,11 @@ def between(start: Array, end: Array, fraction: Array) -> Array:
     Spherical interpolation in place of scipy's `Slerp`, which takes one pair at a time; it runs at every control step.
     """
     dot = (start * end).sum(axis=1)
-    angle = np.arccos(np.clip(np.abs(dot), 0.0, 1.0))
+    angle = np.arccos(np.minimum(np.abs(dot), 1.0))
     sine = np.sin(angle)
     near = sine < 1e-6
     safe = np.where(near, 1.0, sine)
     first = np.where(near, 1.0 - fraction, np.sin((1.0 - fraction) * angle) / safe)
     second = np.where(near, fraction, np.sin(fraction * angle) / safe) * np.where(dot < 0.0, -1.0, 1.0)
     blend = first[:, None] * start + second[:, None] * end
-    return np.asarray(blend / np.linalg.norm(blend, axis=1, keepdims=True))
+    return np.asarray(blend / np.sqrt((blend * blend).sum(axis=1, keepdims=True)))

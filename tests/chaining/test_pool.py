@@ -184,3 +184,32 @@ def test_misuse_is_refused(world, failures):
         made.act(np.array([0]), np.array([4]))
     with pytest.raises(ConfigError, match=r"actions must lie in \[0, 14\)"):
         made.act(np.array([1]), np.array([14]))
+
+
+def test_a_row_is_observed_once_for_a_decision_and_once_where_its_episode_starts(failures):
+    class Counted(Push):
+        observed = 0
+
+        def observe(self, rows):
+            self.observed += len(rows)
+            return super().observe(rows)
+
+    world = Counted(nthread=1)
+    made = pool(world, failures, 4, decisions=2, history=2)
+    assert world.observed == 4
+    decisions = starts = 0
+    while starts < 6:  # primitives alone, which read nothing on their way
+        slots = np.flatnonzero(made.waiting)
+        made.act(slots, np.arange(len(slots)) + 4)
+        told = made.poll()
+        decisions, starts = decisions + len(told.slot), starts + int(told.over.sum())
+        assert world.observed == 4 + decisions + starts
+
+
+def test_a_state_is_the_fields_that_were_asked_for_in_that_order(world, failures):
+    fields = ("grip_command", "block_y_m", "target_pos_m")
+    every, some = pool(world, failures, 3), pool(world, failures, 3, fields=fields)
+    where = [[name.split("[")[0] for name in every.columns].index(field) for field in fields]
+    firsts = [[name.split("[")[0] for name in some.columns].index(field) for field in fields]
+    assert firsts == sorted(firsts)
+    assert_array_equal(some.observation[:, firsts], every.observation[:, where])

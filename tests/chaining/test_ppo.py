@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import torch
 from numpy.testing import assert_allclose, assert_array_equal
+from stable_baselines3 import PPO
 from stable_baselines3.common.callbacks import BaseCallback
 
 from p2l.chaining import train as train_module
@@ -286,3 +287,25 @@ def test_failures_are_set_apart_only_where_there_are_enough(failures):
     assert (len(parts.training), len(parts.evaluation)) == (40, 10)
     few = split(many.take(np.arange(12)), 10, 0, "push")
     assert (len(few.training), len(few.evaluation)) == (12, 10)
+
+
+def test_a_decision_is_sb3s_and_so_is_an_update_to_the_bit(task):
+    """SB3's own actor, critic and update are the oracle of ours, generators included."""
+    ends = []
+    for ours in (True, False):
+        model = made(task)
+        callback = model._setup_learn(400)[1]
+        callback.init_callback(model)
+        for _ in range(3):
+            assert model.collect_rollouts(model.env, callback, model.rollout_buffer, SMALL.n_steps)
+            (PoolPPO if ours else PPO).train(model)
+        observation = torch.tensor(model.pool.observation, dtype=torch.float32)
+        torch.manual_seed(5)
+        plain = model._networks.decide(observation)
+        torch.manual_seed(5)
+        with torch.no_grad():
+            for one, other in zip(plain, model.policy(observation), strict=True):
+                assert_array_equal(one.numpy(), other.numpy().reshape(len(observation)))
+        ends.append([*(each.detach().numpy() for each in model.policy.parameters()), model.pool.observation])
+    for one, other in zip(*ends, strict=True):
+        assert_array_equal(one, other)

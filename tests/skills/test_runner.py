@@ -5,6 +5,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from examples.push.world import Push
+from p2l.contracts.option import reads_observation
 from p2l.contracts.rows import Command
 from p2l.contracts.world import NO_FAILURE
 from p2l.errors import ConfigError
@@ -127,3 +128,42 @@ def test_the_way_is_the_sum_of_its_pieces(world):
 def test_an_empty_runner_is_refused(world):
     with pytest.raises(ConfigError, match="needs a slot and an option"):
         Runner(world, (), slots=2)
+
+
+class Watched(Push):
+    """Counts the rows that are observed."""
+
+    observed = 0
+
+    def observe(self, rows):
+        self.observed += len(rows)
+        return super().observe(rows)
+
+
+class Looking(Follow):
+    """Somebody else's option: as a `Follow`, and remembers where it saw the hand last."""
+
+    def decide(self, observation, memory, step):
+        decision = super().decide(observation, memory, step)
+        memory = decision.memory.copy()
+        memory[:, 7] = observation["grip_pos_m"][:, 0]
+        return type(decision)(decision.command, memory, decision.done)
+
+
+def test_only_rows_whose_option_reads_it_are_observed_at_a_control_step():
+    world, blind = Watched(nthread=1), wait(6, "blind")
+    looking = Looking("looking", blind.plan, blind.legs, blind.settle, blind.ready)
+    assert [reads_observation(option) for option in (blind, looking, world.primitives()[0])] == [False, True, False]
+    rows = world.sample(np.random.default_rng(0), 5)
+    runner = Runner(world, (blind, looking), slots=5)
+    runner.start(np.arange(5), rows, np.array([0, 1, 0, 0, 1]))
+    world.observed = 0
+    for step in range(1, 4):
+        before = runner.rows.take(np.arange(5))
+        runner.advance()
+        assert world.observed == 2 * step
+        seen = Push(nthread=1).observe(before)["grip_pos_m"][:, 0]
+        assert_array_equal(runner.state()["_memory"][[1, 4], 7], seen[[1, 4]])
+    world.observed = 0
+    chain.run(world, (blind,), rows)
+    assert world.observed == len(rows), "one observation of each row, at the start"

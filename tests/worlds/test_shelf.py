@@ -122,7 +122,7 @@ def test_upright_is_the_tilt_whatever_the_turn():
 
 def test_a_slip_counts_from_the_lift_and_after_a_flag_from_there():
     def pose(angle):
-        return np.array([[0.0, 0.0, 0.04 + angle / 10]]), poses.about([1.0, 0.0, 0.0], angle)
+        return np.array([[0.0, 0.0, 0.04 + angle / 10]]), poses.quat(poses.about([1.0, 0.0, 0.0], angle))
 
     closed, up = np.array([True]), np.array([True])
     memory = np.zeros((1, shelf_hold.MEMORY_SIZE))

@@ -30,7 +30,7 @@ import numpy.typing as npt
 from p2l.artifacts import part
 from p2l.chaining.mdp import Judge, Limits, Outcomes, Starts, Transitions, Watch, task_success
 from p2l.chaining.revisit import RevisitMoments, Revisits
-from p2l.chaining.states import action_names, sound, state_fields
+from p2l.chaining.states import action_names, sound, state_columns, state_fields
 from p2l.contracts.observation import Observation
 from p2l.contracts.option import Option
 from p2l.contracts.rows import Rows
@@ -83,6 +83,7 @@ class Pool:
         self._primitive_steps = np.zeros(slots, dtype=np.int64)
         self._steps_before = np.zeros(slots, dtype=np.int64)
         self._columns: tuple[str, ...] = ()
+        self._state_columns = np.zeros(0, dtype=np.int64)  # of an observation, those that make up a state
         self.control_steps = self.timeouts = 0
         self.waiting = np.ones(slots, dtype=np.bool_)
         self.reset()
@@ -143,16 +144,15 @@ class Pool:
         """
         self._refuse_unknown(slots, actions)
         self._refuse_busy(slots)
-        if not np.isin(actions, np.arange(len(self.actions))).all():
+        if not ((actions >= 0) & (actions < len(self.actions)) & (actions == np.floor(actions))).all():
             raise ConfigError(f"pool: actions must lie in [0, {len(self.actions)}), got {actions.tolist()}")
         self.waiting[slots] = False
         self._steps_before[slots] = self._runner.steps_total[slots]
         rows = self._runner.rows.take(slots)
         self._rows_before.put(slots, rows)
         self._record(slots, rows)
-        self._runner.begin(
-            slots, actions, None if self._option_observation is None else self._option_observation.take(slots)
-        )
+        seen = self._option_observation
+        self._runner.begin(slots, actions, None if seen is None else seen.take(slots))
 
     def settle(self, slots: IntArray, reward: Array) -> Transitions:
         """End the episodes of `slots` [K] with `reward` [K], without simulation; `done` where it is positive.
@@ -161,14 +161,11 @@ class Pool:
             ConfigError: a slot is not waiting.
         """
         self._refuse_busy(slots)
-        observation = self.observation[slots].copy()
+        observation = self._state(slots)
         self._record(slots, self._runner.rows.take(slots))
         fresh = self._leave(slots, reward > 0.0, simulated=False)
-        yes, no = np.ones(len(slots), dtype=np.bool_), np.zeros(len(slots), dtype=np.bool_)
-        steps = np.zeros(len(slots), dtype=np.int64)
-        return Transitions(
-            slots, observation, reward, reward > 0.0, yes, fresh, no, steps, self.observation[slots].copy()
-        )
+        no, steps = np.zeros(len(slots), dtype=np.bool_), np.zeros(len(slots), dtype=np.int64)
+        return Transitions(slots, observation, reward, reward > 0.0, ~no, fresh, no, steps, self._state(slots))
 
     def poll(self, watch: Watch | None = None) -> Transitions:
         """Advance until at least one action has ended.
@@ -212,8 +209,8 @@ class Pool:
         self._primitive_steps[slot] += np.where(nominal, 0, steps)
         at_bound = self._decisions[slot] >= self.limits.decisions
         at_bound |= self._primitive_steps[slot] >= self.limits.primitive_steps
-        self._observe(slot)
-        observation = self.observation[slot].copy()
+        self._observe(slot, rows)
+        observation = self._state(slot)
         reward, ends = self._judge(Outcomes(self._rows_before.take(slot), rows, observation, done, failed))
         if not np.isfinite(reward).all():
             raise ShapeError(f"{self.world.name}: the reward of a decision is NaN or infinite")
@@ -222,21 +219,21 @@ class Pool:
         if over.any():
             fresh[over] = self._leave(slot[over], ends[over])
         self.waiting[slot] = True
-        cut, following = over & ~terminal, self.observation[slot].copy()
-        return Transitions(slot, observation, reward, ends, over, fresh, cut, steps, following)
+        return Transitions(slot, observation, reward, ends, over, fresh, over & ~terminal, steps, self._state(slot))
 
     def _renew(self, slots: IntArray) -> None:
         """New episodes from recorded failures."""
         rows = self._starts(len(slots))
         self._runner.place(slots, rows, muted=True)
-        self._decisions[slots] = 0
-        self._primitive_steps[slots] = 0
-        observation = state_fields(self._look(slots, rows), self.limits)
+        self._decisions[slots] = self._primitive_steps[slots] = 0
+        observation = self._look(slots, rows)
         if not self._history:
-            self._history = [np.zeros((len(self), observation.values.shape[1])) for _ in range(self.limits.history)]
-            self._columns = Observation.stack([observation] * self.limits.history).names
+            state = state_fields(observation, self.limits)
+            self._history = [np.zeros((len(self), state.values.shape[1])) for _ in range(self.limits.history)]
+            self._columns = Observation.stack([state] * self.limits.history).names
+            self._state_columns = state_columns(observation, self.limits)
         for past in self._history:  # nothing precedes the failure: the start repeats
-            past[slots] = observation.values
+            past[slots] = observation.values[:, self._state_columns]
 
     def _leave(self, slots: IntArray, success: BoolArray, *, simulated: bool = True) -> BoolArray:
         """End the episodes of `slots` [K] and start others; returns which of them [K] started at a recorded failure."""
@@ -264,26 +261,29 @@ class Pool:
         if self._revisits is not None:
             moments = RevisitMoments(
                 rows=rows,
-                state=self.observation[slots],
+                state=self._state(slots),
                 decisions=self._decisions[slots],
                 primitive_steps=self._primitive_steps[slots],
                 muted=self._runner.muted[slots],
             )
             self._revisits.record(slots, moments)
 
-    def _observe(self, slots: IntArray) -> None:
-        """Shift the history of `slots` and put the present observation first."""
+    def _state(self, slots: IntArray) -> Array:
+        """[K, O] the present state of `slots` [K]."""
+        return np.concatenate([past[slots] for past in self._history], axis=1)
+
+    def _observe(self, slots: IntArray, rows: Rows) -> None:
+        """Shift the history of `slots` [K] and put the present observation of their `rows` [K] first."""
         for newer, older in zip(reversed(self._history[:-1]), reversed(self._history[1:]), strict=True):
             older[slots] = newer[slots]
-        self._history[0][slots] = state_fields(self._look(slots, self._runner.rows.take(slots)), self.limits).values
+        self._history[0][slots] = self._look(slots, rows).values[:, self._state_columns]
 
     def _look(self, slots: IntArray, rows: Rows) -> Observation:
         """The observation of the `rows` [K] of `slots` [K], which the next options start from, too."""
         observation = sound(self.world, rows)
         if self._option_observation is None:
-            self._option_observation = Observation(
-                observation.columns, np.zeros((len(self), observation.values.shape[1]))
-            )
+            blank = np.zeros((len(self), observation.values.shape[1]))
+            self._option_observation = Observation(observation.columns, blank)
         self._option_observation.values[slots] = observation.values
         return observation
 

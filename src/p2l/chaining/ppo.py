@@ -30,6 +30,7 @@ from stable_baselines3.common.buffers import RolloutBuffer
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import DummyVecEnv, VecEnv
 
+from p2l.chaining.actor_critic import ActorCritic, UpdateSettings, update
 from p2l.chaining.env import spaces
 from p2l.chaining.mdp import Transitions
 from p2l.chaining.policy import Normalisation
@@ -118,7 +119,7 @@ class PoolPPO(PPO):
         *,
         running: bool = False,
     ) -> None:
-        self.pool, self.shortcut = pool, shortcut
+        self.pool, self.shortcut, self._settings = pool, shortcut, settings
         self.gatherer = Gatherer()
         self.round = RolloutCounts(np.zeros(len(pool.actions), dtype=np.int64))
         keywords = {name: value for name, value in vars(settings).items() if name != "hidden"}
@@ -135,9 +136,24 @@ class PoolPPO(PPO):
                 "net_arch": {"pi": sizes, "vf": sizes},
                 "features_extractor_class": RunningStandardise if running else Standardise,
                 "features_extractor_kwargs": extractor,
+                "optimizer_kwargs": {"eps": 1e-5, "fused": True},  # SB3's Adam in one pass over the weights
             },
             **keywords,
         )
+        self._networks = ActorCritic.of(self.policy)
+
+    def train(self) -> None:
+        """As SB3's, of which it leaves out the log; see `actor_critic`."""
+        settings = UpdateSettings(
+            batch_size=self.batch_size,
+            n_epochs=self.n_epochs,
+            clip_range=self._settings.clip_range,
+            ent_coef=self.ent_coef,
+            vf_coef=self.vf_coef,
+            max_grad_norm=self.max_grad_norm,
+        )
+        update(self._networks, self.policy.optimizer, self.rollout_buffer, settings)
+        self._n_updates += self.n_epochs
 
     @property
     def normalisation(self) -> Normalisation | None:
@@ -171,7 +187,6 @@ class PoolPPO(PPO):
     ) -> bool:
         """Fill the buffer with the next `n_rollout_steps` decisions whose actions end, in whatever slot."""
         del env  # its spaces are all that it has
-        self.policy.set_training_mode(False)
         callback.on_rollout_start()
         self.round = RolloutCounts(np.zeros(len(self.pool.actions), dtype=np.int64))
         while len(self.gatherer) < n_rollout_steps:
@@ -193,10 +208,9 @@ class PoolPPO(PPO):
 
     def _decide(self, slots: IntArray) -> None:
         observation = self.pool.observation[slots]
-        with torch.no_grad():
-            action, value, log_prob = self.policy(_tensor(observation))
-        actions = action.numpy().astype(np.int64)
-        self.gatherer.decide(slots, observation, actions, value.numpy()[:, 0], log_prob.numpy())
+        action, value, log_prob = self._networks.decide(_tensor(observation))
+        actions = action.numpy()
+        self.gatherer.decide(slots, observation, actions, value.numpy(), log_prob.numpy())
         if self.shortcut is not None:
             sure = self.shortcut.sure(observation, actions)
             if sure.any():
@@ -220,13 +234,17 @@ class PoolPPO(PPO):
                 future = self.policy.predict_values(_tensor(decisions.after[cut])).numpy()[:, 0]
             reward[cut] += self.gamma * future
         buffer.reset()
-        observation = decisions.observation.astype(np.float32)
-        value, log_prob = (torch.tensor(part, dtype=torch.float32) for part in (decisions.value, decisions.log_prob))
-        for k in range(len(reward)):
-            one = slice(k, k + 1)
-            buffer.add(
-                observation[one], decisions.action[one], reward[one], decisions.head[one], value[one], log_prob[one]
-            )
+        columns = {  # as `buffer.add` would, one decision after the other
+            "observations": decisions.observation,
+            "actions": decisions.action[:, None],
+            "rewards": reward,
+            "episode_starts": decisions.head,
+            "values": decisions.value,
+            "log_probs": decisions.log_prob,
+        }
+        for name, column in columns.items():
+            getattr(buffer, name)[:, 0] = column
+        buffer.pos, buffer.full = len(reward), True
         buffer.compute_returns_and_advantage(last_values=torch.zeros(1), dones=np.ones(1))  # the last one ends, too
 
 

@@ -15,6 +15,7 @@ from p2l.contracts.option import Option
 from p2l.contracts.rows import Rows
 from p2l.contracts.world import World
 from p2l.errors import ShapeError
+from p2l.records import IntArray
 
 
 def action_names(primitives: Sequence[Option], nominal: Sequence[Option]) -> tuple[str, ...]:
@@ -42,6 +43,12 @@ def state_fields(observation: Observation, limits: Limits) -> Observation:
         ShapeError: no such field.
     """
     return Observation.of({name: observation[name] for name in limits.fields}) if limits.fields else observation
+
+
+def state_columns(observation: Observation, limits: Limits) -> IntArray:
+    """[O] columns of an observation that `state_fields` takes, in its order; the same for all of a world."""
+    numbers = np.arange(observation.values.shape[1], dtype=np.float64)[None]
+    return state_fields(Observation(observation.columns, numbers), limits).values[0].astype(np.int64)
 
 
 def first_state(world: World, rows: Rows, limits: Limits) -> Observation:

@@ -29,14 +29,14 @@ class NamedColumns:
     @classmethod
     def of(cls, fields: Mapping[str, npt.NDArray[np.generic]]) -> Self:
         """From fields [N] or [N, d] by name."""
-        parts = {name: np.asarray(value, dtype=np.float64) for name, value in fields.items()}
-        flat = {name: part[:, None] if part.ndim == 1 else part for name, part in parts.items()}
         columns: dict[str, slice] = {}
-        start = 0
-        for name, part in flat.items():
-            columns[name] = slice(start, start + part.shape[1])
-            start += part.shape[1]
-        return cls(columns, np.concatenate(list(flat.values()), axis=1))
+        parts, start = [], 0
+        for name, value in fields.items():
+            part = np.asarray(value, dtype=np.float64)
+            parts.append(part[:, None] if part.ndim == 1 else part)
+            stop = start + parts[-1].shape[1]
+            columns[name], start = slice(start, stop), stop
+        return cls(columns, np.concatenate(parts, axis=1))
 
     def __getitem__(self, name: str) -> Array:
         """[N, d] values of one field.
@@ -71,6 +71,11 @@ class Privileged(NamedColumns):
 
 class Observation(NamedColumns):
     """What a deployed policy observes."""
+
+    @classmethod
+    def unseen(cls, rows: int) -> Observation:
+        """N rows without fields, for what decides without looking (`contracts.option.from_memory`)."""
+        return cls({}, np.empty((rows, 0)))
 
     @classmethod
     def stack(cls, history: Sequence[Observation]) -> Observation:

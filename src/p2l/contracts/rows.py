@@ -45,7 +45,9 @@ class Rows:
     def take(self, index: npt.ArrayLike) -> Rows:
         """The rows of `index` (integers or a mask), in that order."""
         rows = np.asarray(index)
-        return Rows(**{name: value[rows] for name, value in self.arrays().items()})
+        if rows.dtype == np.bool_:
+            rows = np.flatnonzero(rows)
+        return Rows(**{name: getattr(self, name).take(rows, axis=0) for name in FIELDS})
 
     def window(self, row: int) -> Rows:
         """One row, on the memory of this record: what is written there later shows in it."""
@@ -54,12 +56,12 @@ class Rows:
     def put(self, index: npt.ArrayLike, rows: Rows) -> None:
         """Overwrite the rows of `index`; only who made this record's arrays may do so (the runner's slots)."""
         where = np.asarray(index)
-        for name, value in self.arrays().items():
-            value[where] = getattr(rows, name)
+        for name in FIELDS:
+            getattr(self, name)[where] = getattr(rows, name)
 
     def arrays(self) -> dict[str, npt.NDArray[Any]]:
         """The fields by name, for `artifacts.save_arrays`."""
-        return {field.name: getattr(self, field.name) for field in fields(self)}
+        return {name: getattr(self, name) for name in FIELDS}
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, npt.NDArray[Any]]) -> Rows:
@@ -68,7 +70,7 @@ class Rows:
         Raises:
             ShapeError: the fields do not have the same number of rows, or hold NaN.
         """
-        rows = cls(**{field.name: np.array(arrays[field.name]) for field in fields(cls)})
+        rows = cls(**{name: np.array(arrays[name]) for name in FIELDS})
         counts = {name: len(value) for name, value in rows.arrays().items()}
         if len(set(counts.values())) > 1:
             raise ShapeError(f"rows: the fields have different numbers of rows: {counts}")
@@ -79,8 +81,10 @@ class Rows:
     @classmethod
     def join(cls, parts: Sequence[Rows]) -> Rows:
         """The rows of all parts, in order."""
-        return cls(**{f.name: np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(cls)})
+        return cls(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in FIELDS})
 
+
+FIELDS = tuple(field.name for field in fields(Rows))  # asking for them anew costs more than a copy of some rows
 
 POSE: Mapping[str, slice] = {"pos_world_m": slice(0, 3), "quat_world": slice(3, 7), "grip": slice(7, 8)}
 

@@ -15,6 +15,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from types import TracebackType
 
 import mujoco
@@ -230,11 +231,16 @@ class Engine:
         )
         return path, sensors
 
+    @cached_property
+    def _impedances(self) -> list[int]:
+        """Columns of the controls that are stiffnesses, along and about each axis."""
+        return [self.control_names.index(f"impedance_{label}") for label in AXES]
+
     def stiffness(self, rows: int, linear: npt.ArrayLike, angular: npt.ArrayLike) -> Array:
         """[N, U] controls with these stiffnesses (N/m, N·m/rad; numbers or [N]) and zeros elsewhere."""
         control = np.zeros((rows, len(self.control_names)))
-        for axis, label in enumerate(AXES):
-            control[:, self.control_names.index(f"impedance_{label}")] = linear if axis < 3 else angular
+        for axis, column in enumerate(self._impedances):
+            control[:, column] = linear if axis < 3 else angular
         return control
 
     def sensor(self, chunk: Chunk, name: str) -> Array:

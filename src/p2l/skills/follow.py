@@ -7,12 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from p2l import poses
 from p2l.contracts.observation import Observation, Privileged
-from p2l.contracts.option import OptionStep
+from p2l.contracts.option import OptionStep, from_memory
 from p2l.contracts.rows import Command
 from p2l.records import Array, BoolArray, IntArray
 
@@ -73,15 +74,21 @@ class Follow:
         points = np.concatenate([way.pos, way.quat, way.grip[..., None]], axis=2)
         return np.concatenate([start[:, None], points], axis=1).reshape(len(observation), -1)
 
-    def decide(self, observation: Observation, memory: Array, step: IntArray) -> OptionStep:
+    @from_memory
+    def decide(self, observation: Observation, memory: Array, step: IntArray) -> OptionStep:  # noqa: ARG002
         """The pose on the present leg at the end of the next control step."""
-        points = memory.reshape(len(observation), len(self.legs) + 1, 8)
-        ends = np.cumsum(self.legs)
+        points = memory.reshape(len(memory), len(self.legs) + 1, 8)
+        starts, ends, moving = self._times
         leg = np.minimum(np.searchsorted(ends, step, side="right"), len(ends) - 1)
-        moving = np.maximum(np.asarray(self.legs) - np.asarray(self.settle), 1)
-        rows = np.arange(len(observation))
-        fraction = np.clip((step - (ends - self.legs)[leg] + 1) / moving[leg], 0.0, 1.0)
+        rows = np.arange(len(memory))
+        fraction = np.minimum((step - starts[leg] + 1) / moving[leg], 1.0)
         before, after = points[rows, leg], points[rows, leg + 1]
         pos = before[:, :3] + fraction[:, None] * (after[:, :3] - before[:, :3])
         quat = poses.between(before[:, 3:7], after[:, 3:7], fraction)
         return OptionStep(Command.pose(pos, quat, after[:, 7]), memory, step >= ends[-1])
+
+    @cached_property
+    def _times(self) -> tuple[IntArray, IntArray, IntArray]:
+        """[W] control steps at the start and at the end of each leg, and those in which its target moves."""
+        ends = np.cumsum(self.legs)
+        return ends - self.legs, ends, np.maximum(np.asarray(self.legs) - np.asarray(self.settle), 1)

@@ -114,7 +114,9 @@ class Machine:
         """Change phase where the present one is over, then move the target on."""
         del step  # a machine counts in its phases
         memory = memory.copy()
-        goals = np.stack([phase.goal(observation) for phase in self._all])  # [P, N, 3]
+        goals = np.zeros((len(self._all), len(observation), 3))
+        for phase in _near(memory):
+            goals[phase] = self._all[phase].goal(observation)
         gap = observation["gap_m"][:, 0]
         over = self._over(observation, goals, memory, np.abs(gap - memory[:, _GAP]))
         memory[over, _PHASE] += 1
@@ -157,6 +159,12 @@ def link(machines: Sequence[Machine]) -> tuple[Machine, ...]:
 def _present(memory: Array) -> IntArray:
     """[N] the phase; the last one of a machine that is done."""
     return np.minimum(memory[:, _PHASE], memory[:, _END] - 1).astype(np.int64)
+
+
+def _near(memory: Array) -> list[int]:
+    """The phases that some row is in, or will be in after this control step."""
+    present, last = _present(memory), memory[:, _END].astype(np.int64) - 1
+    return sorted({*present.tolist(), *np.minimum(present + 1, last).tolist()})
 
 
 def _towards(start: Array, goal: Array, pace: Array) -> Array:

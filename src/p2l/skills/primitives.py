@@ -13,11 +13,10 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from p2l import poses
 from p2l.contracts.observation import Observation, Privileged
-from p2l.contracts.option import OptionStep
+from p2l.contracts.option import OptionStep, from_memory
 from p2l.contracts.rows import Command
 from p2l.records import Array, BoolArray, IntArray
 
@@ -48,8 +47,8 @@ class Primitive:
     decides_as = "primitive"  # what differs is in the memory
 
     @cached_property
-    def _turn(self) -> Rotation:
-        return poses.about(np.asarray(self.turn_rad), 1.0)
+    def _turn(self) -> Array:
+        return poses.quat(poses.about(np.asarray(self.turn_rad), 1.0))
 
     def precondition(self, truth: Privileged) -> BoolArray:
         """Applicable everywhere."""
@@ -57,12 +56,13 @@ class Primitive:
 
     def begin(self, observation: Observation) -> Array:
         """The present target, the new one, and the gripper's command; a translation keeps the orientation asked for."""
-        orientation = poses.rotation(observation["target_quat"])
-        pos = observation["grip_pos_m"] + poses.rotate(orientation, self.shift_m)
-        quat = poses.quat(orientation * self._turn)
+        orientation = poses.unit(observation["target_quat"])
+        pos = observation["grip_pos_m"] + poses.image(orientation, self.shift_m)
+        quat = poses.canonical(poses.product(orientation, self._turn))
         grip = observation["grip_command"] if self.grip is None else np.full((len(observation), 1), self.grip)
         return np.concatenate([observation["target_pos_m"], observation["target_quat"], pos, quat, grip], axis=1)
 
+    @from_memory
     def decide(self, observation: Observation, memory: Array, step: IntArray) -> OptionStep:  # noqa: ARG002
         """On the way to the new target, or there."""
         share = np.minimum((step + 1) / MOVE_STEPS, 1.0)

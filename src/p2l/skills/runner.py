@@ -19,7 +19,7 @@ import numpy as np
 import numpy.typing as npt
 
 from p2l.contracts.observation import Observation
-from p2l.contracts.option import Option
+from p2l.contracts.option import Option, reads_observation
 from p2l.contracts.rows import Command, Rows
 from p2l.contracts.world import NO_FAILURE, World
 from p2l.errors import ConfigError
@@ -77,6 +77,7 @@ class Runner:
         self._memory = np.zeros((slots, max(option.memory_size for option in self.options)))
         alike = [getattr(option, "decides_as", index) for index, option in enumerate(self.options)]
         self._group = np.array([alike.index(name) for name in alike])  # options whose decisions are taken together
+        self._reads = np.array([reads_observation(option) for option in self.options])
         self._limits = np.array([option.max_steps for option in self.options], dtype=np.int64)
         self._rows: Rows | None = None
         self._width = sum(where.stop - where.start for where in world.command_columns.values())
@@ -166,15 +167,19 @@ class Runner:
         return Events(slots, reason[stops], self.kind[slots].copy())
 
     def _decide(self, live: IntArray) -> tuple[Command, BoolArray]:
-        observation = self.world.observe(self.rows.take(live))
+        group = self._group[self.option[live]]
+        reading = np.flatnonzero(self._reads[group])  # of the others nothing is observed: it costs as much as all else
+        seen = self.world.observe(self.rows.take(live[reading])) if len(reading) else None
         values = np.empty((len(live), self._width))
         done = np.zeros(len(live), dtype=np.bool_)
-        group = self._group[self.option[live]]
         for index in np.unique(group):
             option = self.options[index]
             where = np.flatnonzero(group == index)
             slots, size = live[where], option.memory_size
-            decision = option.decide(observation.take(where), self._memory[slots, :size], self.step[slots])
+            observation = Observation.unseen(len(where))
+            if seen is not None and self._reads[index]:
+                observation = seen.take(np.searchsorted(reading, where))
+            decision = option.decide(observation, self._memory[slots, :size], self.step[slots])
             self._memory[slots, :size] = decision.memory
             values[where], done[where] = decision.command.values, decision.done
         return Command(self.world.command_columns, values), done
@@ -184,7 +189,8 @@ class Runner:
         before = self.rows.take(slots)
         after, kind, diverged = self.world.advance(before, command)
         sound = np.flatnonzero(~diverged)
-        self.rows.put(slots[sound], after.take(sound))  # a diverged row keeps its last sound moment
+        # A diverged row keeps its last sound moment.
+        self.rows.put(slots[sound], after if len(sound) == len(slots) else after.take(sound))
         self.step[slots] += 1
         self.steps_total[slots] += 1
         with np.errstate(invalid="ignore", over="ignore"):  # of diverged rows, whose way does not count

@@ -110,6 +110,8 @@ class RobotWorld:
         single = (mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE)
         self._single = {name for name in joints if first.model.joint(name).type[0] in single}
         self._columns: dict[str, int] = {j: 1 + int(first.model.joint(j).qposadr[0]) for j in joints}
+        fingers = [column for name, column in self._columns.items() if "finger_joint" in name]
+        self._finger_columns = np.array(fingers, dtype=np.int64)
         self._arm = [self._columns[name] for name in first.arm_joints]
 
     @property
@@ -258,8 +260,7 @@ class RobotWorld:
 
     def gap_m(self, rows: Rows) -> Array:
         """[N] opening between the fingers, m."""
-        names = [name for name in self._columns if "finger_joint" in name]
-        return np.asarray(sum((np.abs(self.joint(rows, name)) for name in names), start=np.zeros(len(rows))))
+        return np.asarray(np.abs(rows.states[:, self._finger_columns]).sum(axis=1))
 
     def peak_force_n(self, chunk: Chunk, sensor: str) -> Array:
         """[N] largest norm of a force sensor during a control step, N."""

@@ -64,13 +64,22 @@ def options() -> tuple[Machine, ...]:
 
 def quarter_turn(observation: Observation) -> Array:
     """[N, 4] the orientation facing down with the quarter turn that the hand's target is closest to."""
-    hand = poses.rotation(observation["target_quat"])
-    down = np.tile(DOWN, (len(observation), 1))
-    x_axis, y_axis = poses.rotate(hand, [1.0, 0.0, 0.0]), poses.rotate(hand, [0.0, 1.0, 0.0])
+    hand = poses.unit(observation["target_quat"])
+    x_axis = poses.image(hand, [1.0, 0.0, 0.0])
     steep = np.linalg.norm(x_axis[:, :2], axis=1) < 0.5  # the hand lies on its side: the other axis tells the turn
-    x_axis[steep] = np.cross(y_axis[steep], down[steep])
-    quarters = np.round(np.arctan2(x_axis[:, 1], x_axis[:, 0]) / (np.pi / 2)) * np.pi / 2
-    return poses.frame(np.stack([np.cos(quarters), np.sin(quarters), np.zeros(len(observation))], axis=1), down)
+    if steep.any():
+        x_axis[steep] = np.cross(poses.image(hand[steep], [0.0, 1.0, 0.0]), DOWN)
+    quarters = np.round(np.arctan2(x_axis[:, 1], x_axis[:, 0]) / (np.pi / 2)).astype(np.int64)
+    return _QUARTER_TURNS[quarters + 2]
+
+
+def _quarter_turns() -> Array:
+    """[5, 4] orientations facing down by −2 … 2 quarters about the vertical."""
+    turns = np.arange(-2, 3) * np.pi / 2
+    return poses.frame(np.stack([np.cos(turns), np.sin(turns), np.zeros(5)], axis=1), np.tile(DOWN, (5, 1)))
+
+
+_QUARTER_TURNS = _quarter_turns()
 
 
 def _hover(observation: Observation) -> Array:

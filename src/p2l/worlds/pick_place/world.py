@@ -134,9 +134,9 @@ class PickPlace(RobotWorld):
         parts = Parts(arena, [bread], BASE_POS_WORLD, pose_sensors={"object": bread.root_body})
         scene = build(arm, parts, physics_of(version, timestep_s=timestep_s, **IMPEDANCE))
         super().__init__("pick_place", params, [scene], Estimator(estimator, (sigma_m,) * 3), nthread=nthread)
-        self._dofs = [int(scene.model.joint(joint).dofadr[0]) for joint in scene.arm_joints]
+        self._dofs = np.array([int(scene.model.joint(joint).dofadr[0]) for joint in scene.arm_joints])
         self._fingers_at = [joint for joint in self._columns if "finger_joint" in joint]
-        self._finger_dofs = [int(scene.model.joint(joint).dofadr[0]) for joint in self._fingers_at]
+        self._finger_dofs = np.array([int(scene.model.joint(joint).dofadr[0]) for joint in self._fingers_at])
         self._bread_at = self._columns[bread.joints[0]] - 1
         self._check_reach()
         self.observe_hand_as([0.0, 1.0, 1.0, 0.0])  # fingers down, as the Panda's joints put it
@@ -161,7 +161,7 @@ class PickPlace(RobotWorld):
         return body | {
             "object_pos_m": pos,
             "object_quat": self.read(rows, "object_quat"),
-            "object_in_grip_m": poses.rotate(poses.rotation(body["grip_quat"]).inv(), pos - body["grip_pos_m"]),
+            "object_in_grip_m": poses.image(poses.inverse(poses.unit(body["grip_quat"])), pos - body["grip_pos_m"]),
             "hand_room_m": hand_room(pos, np.asarray(body["grip_quat"])),
             "force_n": np.linalg.norm(self.read(rows, WRIST_FORCE), axis=1),
         }
@@ -170,17 +170,17 @@ class PickPlace(RobotWorld):
         body = self._body(rows)
         arm, pos = self.arm(rows), self.read(rows, "object_pos") + error
         velocity = self.engine.qvel(rows.states)
-        hand = poses.rotation(body["grip_quat"]).inv()
+        hand, quat = poses.inverse(poses.unit(body["grip_quat"])), self.read(rows, "object_quat")
         seen = body | {
             "arm_cos": np.cos(arm),
             "arm_sin": np.sin(arm),
             "arm_vel_rad_s": velocity[:, self._dofs],
-            "finger_pos_m": np.stack([self.joint(rows, joint) for joint in self._fingers_at], axis=1),
+            "finger_pos_m": rows.states[:, self._finger_columns],
             "finger_vel_m_s": velocity[:, self._finger_dofs],
             "object_pos_m": pos,
-            "object_quat": self.read(rows, "object_quat"),
-            "object_in_grip_m": poses.rotate(hand, pos - body["grip_pos_m"]),
-            "object_in_grip_quat": poses.quat(hand * poses.rotation(self.read(rows, "object_quat"))),
+            "object_quat": quat,
+            "object_in_grip_m": poses.image(hand, pos - body["grip_pos_m"]),
+            "object_in_grip_quat": poses.canonical(poses.product(hand, poses.unit(quat))),
             "force_high": rows.memory[:, _FORCE],
             "actions": rows.actions,
         }

@@ -6,7 +6,6 @@ Axis letters: N rows, M = 12 columns of memory.
 from __future__ import annotations
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from p2l import poses
 from p2l.records import Array, BoolArray
@@ -19,13 +18,13 @@ NEAR_M = 0.12  # what the closed fingers hold is not farther from the grip site
 UPRIGHT = 0.1  # distance of quaternions up to which a thing stands straight
 UPRIGHT_QUAT = np.array([1.0, 0.0, 0.0, 0.0])
 
-InHand = tuple[Array, Rotation]  # position [N, 3], m, and orientation of the thing in the frame of the grip site
+InHand = tuple[Array, Array]  # position [N, 3], m, and quaternion [N, 4] of the thing in the frame of the grip site
 
 
 def in_hand(grip_pos: Array, grip_quat: Array, object_pos: Array, object_quat: Array) -> InHand:
     """The pose in the hand from poses in the world: positions [N, 3], quaternions [N, 4]."""
-    hand = poses.rotation(grip_quat).inv()
-    return np.asarray(poses.rotate(hand, object_pos - grip_pos)), hand * poses.rotation(object_quat)
+    hand = poses.inverse(poses.unit(grip_quat))
+    return poses.image(hand, object_pos - grip_pos), poses.product(hand, poses.unit(object_quat))
 
 
 def hold(memory: Array, close_command: BoolArray, up: BoolArray, before: InHand, after: InHand) -> Array:
@@ -45,18 +44,21 @@ def hold(memory: Array, close_command: BoolArray, up: BoolArray, before: InHand,
     lift = up & near & (new[:, CLOSE_STEPS] >= CLOSING_STEPS) & (new[:, GRASP] == 0)
     new[lift, GRASP] = new[lift, LIFT] = 1.0
     flag = (new[:, GRASP] > 0) & (new[:, FLAG] > 0)
-    for where, (pos, rotation) in ((flag, before), (lift, after)):
-        new[where, POS], new[where, QUAT] = pos[where], poses.quat(rotation)[where]
+    for where, (pos, quat) in ((flag, before), (lift, after)):
+        if where.any():
+            new[where, POS], new[where, QUAT] = pos[where], poses.canonical(quat[where])
     return new
 
 
 def slip(pose: InHand, memory: Array) -> tuple[Array, Array]:
     """Turn (rad) and shift (m), both [N], from the pose in `memory` [N, M]; 0 where nothing is in the hand."""
-    pos, rotation = pose
+    pos, quat = pose
     grasp = memory[:, GRASP] > 0
-    reference = np.where(grasp[:, None], memory[:, QUAT], UPRIGHT_QUAT)
-    turn = (poses.rotation(reference).inv() * rotation).magnitude()
-    return np.where(grasp, turn, 0.0), np.where(grasp, np.linalg.norm(pos - memory[:, POS], axis=1), 0.0)
+    turn, shift = np.zeros(len(memory)), np.zeros(len(memory))
+    if grasp.any():
+        turn[grasp] = poses.angle(memory[grasp, QUAT], quat[grasp])
+        shift[grasp] = np.linalg.norm(pos[grasp] - memory[grasp, POS], axis=1)
+    return turn, shift
 
 
 def upright_distance(quat: Array) -> Array:

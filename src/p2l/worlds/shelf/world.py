@@ -211,7 +211,7 @@ class Shelf(RobotWorld):
         }
         return seen if self.version == 1 else {**seen, **self._relative(rows, body["grip_pos_m"], pos, shelf)}
 
-    def _relative(self, rows: Rows, grip: Array, pos: Array, shelf: Array) -> Fields:
+    def _relative(self, rows: Rows, grip: Array, pos: Array, shelf: Array) -> dict[str, Array]:
         """Where hand, thing and shelf are to one another, alike for every thing, and what was felt."""
         planned = [0.0, self.thing.grip_before_m, -self.thing.grip_above_m]  # of the thing, from the hand that holds it
         return {
@@ -233,8 +233,10 @@ class Shelf(RobotWorld):
         return np.asarray(self.read(rows, "object_pos")[:, 2] <= TABLE_M + LYING_M)
 
     def _clutter_turned(self, rows: Rows) -> BoolArray:
-        turns = [hand.turn_rad(self.read(rows, f"{name}_quat")) > self.clutter_limit_rad for name in self._clutter]
-        return np.asarray(np.any([np.zeros(len(rows), dtype=np.bool_), *turns], axis=0))
+        turned = np.zeros(len(rows), dtype=np.bool_)
+        for name in self._clutter:
+            turned |= hand.turn_rad(self.read(rows, f"{name}_quat")) > self.clutter_limit_rad
+        return turned
 
     def monitor(self, before: Rows, after: Rows, chunk: Chunk, command: Command) -> tuple[IntArray, Array]:
         """The detectors; see `KINDS` and the module's notes 1 and 2."""
@@ -244,11 +246,12 @@ class Shelf(RobotWorld):
         high = force > self.force_limit_n
         close_command, pose = command.grip > 0.5, self._in_hand(after)
         up = self.read(after, "object_pos")[:, 2] > TABLE_M + self.thing.bottom_m + LIFTED_M
-        in_fingers = up & (self.gap_m(after) > EMPTY_GAP_M)
-        memory = hand.hold(past, close_command, in_fingers, self._in_hand(before), pose)
+        full = self.gap_m(after) > EMPTY_GAP_M
+        earlier = self._in_hand(before) if past[:, hand.FLAG].any() else pose  # which only a flag makes `hold` look at
+        memory = hand.hold(past, close_command, up & full, earlier, pose)
         turn, shift = hand.slip(pose, memory)
         slip = (turn > self.slip_limit_rad) | (shift > self.slip_limit_m)
-        empty = close_command & (self.gap_m(after) <= EMPTY_GAP_M)
+        empty = close_command & ~full
         empty &= (past[:, hand.CLOSE_STEPS] == 0) | (self.gap_m(before) > EMPTY_GAP_M)
         kind = np.full(len(after), NO_FAILURE, dtype=np.int64)
         kind[self._clutter_turned(after) & ~self._clutter_turned(before)] = CLUTTER_ROTATED
