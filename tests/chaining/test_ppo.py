@@ -120,7 +120,7 @@ def test_the_policy_of_the_best_evaluation_is_kept_the_later_of_equals(task, tmp
         )
 
     monkeypatch.setattr("p2l.chaining.train.export_policy", watched)
-    monkeypatch.setattr("p2l.chaining.train.recover", judged)
+    monkeypatch.setattr("p2l.chaining.selection.recover", judged)
     settings = TrainSettings(1500, 8, 200, 4, SMALL)
     done = train(task, learner, task.failures.take(range(4)), settings, card, tmp_path, _silent)
     assert [row["success"] for row in done.evaluations][:4] == [0.25, 0.5, 0.5, 0.25]

@@ -143,7 +143,7 @@ class PoolPPO(PPO):
         self._networks = ActorCritic.of(self.policy)
 
     def train(self) -> None:
-        """As SB3's, of which it leaves out the log; see `actor_critic`."""
+        """As SB3's, of which it leaves out the log (see `actor_critic`); then the statistics of what it was of."""
         settings = UpdateSettings(
             batch_size=self.batch_size,
             n_epochs=self.n_epochs,
@@ -154,6 +154,10 @@ class PoolPPO(PPO):
         )
         update(self._networks, self.policy.optimizer, self.rollout_buffer, settings)
         self._n_updates += self.n_epochs
+        extractor = self.policy.features_extractor
+        if isinstance(extractor, RunningStandardise):
+            seen = np.asarray(self.rollout_buffer.observations, dtype=np.float64)
+            extractor.include(torch.tensor(seen.reshape(-1, seen.shape[-1])))
 
     @property
     def normalisation(self) -> Normalisation | None:
@@ -173,14 +177,6 @@ class PoolPPO(PPO):
     def budget_steps(self) -> int:
         """Control steps that the budget is charged for so far."""
         return self.pool.control_steps + self.spared
-
-    def train(self) -> None:
-        """One update, and the statistics of what it was of."""
-        super().train()
-        extractor = self.policy.features_extractor
-        if isinstance(extractor, RunningStandardise):
-            seen = np.asarray(self.rollout_buffer.observations, dtype=np.float64)
-            extractor.include(torch.tensor(seen.reshape(-1, seen.shape[-1])))
 
     def collect_rollouts(
         self, env: VecEnv, callback: BaseCallback, rollout_buffer: RolloutBuffer, n_rollout_steps: int

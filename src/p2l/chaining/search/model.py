@@ -47,11 +47,13 @@ class OutcomeTable:
         """Whether the outcome is known."""
         return failure in self._of.get(macro, ())
 
+    def succeeded(self, failure: int, macro: Macro) -> bool:
+        """The outcome of a trial."""
+        return self._of[macro][failure]
+
     def solved(self, failures: int) -> BoolArray:
-        """[failures] whether some macro has recovered from each."""
-        solved = np.zeros(failures, dtype=np.bool_)
-        solved[[place for place, well in zip(self.failure, self.success, strict=True) if well]] = True
-        return solved
+        """[failures] whether some macro has recovered from each of the first ones."""
+        return np.isin(np.arange(failures), [one for one, well in zip(self.failure, self.success, strict=True) if well])
 
     def rate(self, macro: Macro) -> float:
         """Share of its failures that a macro recovers from, with a prior of 0.15 worth two trials."""

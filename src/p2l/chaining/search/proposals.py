@@ -18,10 +18,14 @@ from p2l.chaining.search.macros import Macro, MacroSpace
 from p2l.chaining.search.model import OutcomeTable, SuccessModel
 from p2l.records import Array, BoolArray, IntArray
 
-OPINION = 5  # trees that a draw asks
+OPINION = 10  # trees that a draw asks
 KNOWN, NEIGHBOUR = 0.6, 0.85  # cumulative chances of a known macro and of a neighbour; the rest is random
 SPREAD = 4.0  # mean rank of the macro whose neighbour is tried
 UNCERTAIN = 0.6  # share of a round that teaches the model once everything is recovered from
+DEPTH = 16  # trials of each failure that macros are looked for at, before they are at further ones
+FEWEST = 40  # failures that they are looked for at first
+GIVE_UP = 40  # trials after which nothing more is looked for at a failure
+VARIED = 0.2  # share of a round for neighbours of good macros on whatever failure, which may be better everywhere
 DRAWS = 20  # of a random macro, until one is new
 
 
@@ -59,10 +63,11 @@ def propose(
         features: [N, F] of the failures.
         rng: draws them.
     """
-    solved = table.solved(len(features))
+    solved = table.solved(min(len(features), max(FEWEST, len(table) // DEPTH)))
     winners = table.winners(plan.portfolio)
     teaching = int(plan.trials * UNCERTAIN * solved.mean()) if winners and model is not None else 0
-    hard = rng.permutation(np.flatnonzero(~solved))[: plan.trials - teaching]
+    tries = np.bincount(table.failure, minlength=len(features))[: len(solved)]
+    hard = rng.permutation(np.flatnonzero(~solved & (tries < GIVE_UP)))[: plan.trials - teaching]
     any_ones = rng.permutation(len(features))[: plan.trials - len(hard)]
     trials: dict[Trial, None] = {}
     beliefs = model.probability(features[hard], winners) if model is not None and winners and len(hard) else None
@@ -70,7 +75,12 @@ def propose(
         macro = _hard(failure, space, table, winners, None if beliefs is None else beliefs[row], rng)
         if not table.tried(failure, macro):
             trials[failure, macro] = None
-    for failure, macro in _uncertain(any_ones, table, winners, model, features, rng):
+    varied = rng.permutation(len(features))[: int(plan.trials * VARIED) if winners else 0]
+    for failure in varied.tolist():
+        macro = space.neighbour(winners[min(int(rng.exponential(SPREAD)), len(winners) - 1)], rng)
+        if not table.tried(failure, macro):
+            trials[failure, macro] = None
+    for failure, macro in _uncertain(any_ones[len(varied) :], table, winners, model, features, rng):
         trials[failure, macro] = None
     if not trials:  # everything that is known has been tried everywhere
         for failure in rng.permutation(len(features))[: plan.trials].tolist():

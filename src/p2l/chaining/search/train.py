@@ -39,7 +39,8 @@ from p2l.records import Array, IntArray
 from p2l.seeding import entropy, generator, generator_state, restore_generator
 
 SLOTS = 128  # trials at once; a wider batch is faster and changes nothing
-PREFERENCE = 0.05  # difference of probabilities that makes a macro count e times as much
+NEAR = 0.1  # of the best probability, for a macro that is learnt from in its place
+LOST = 0.3  # how much decisions count that were thought to be the best, and failed
 LEAST_ROUND = 0.25  # of a round's trials: with fewer, the forest would be fitted for next to nothing
 Report = Callable[[str, Mapping[str, float]], None]
 
@@ -50,7 +51,7 @@ class SearchMemory:
 
     Attributes:
         table: outcomes.
-        ways: [K, O] states of each trial that succeeded, by failure and macro.
+        ways: [K, O] states of each trial, by failure and macro.
         rng: draws the trials.
     """
 
@@ -63,9 +64,8 @@ class SearchMemory:
         for row, (failure, macro) in enumerate(proposed):
             well = bool(trials.success[row])
             self.table.add(failure, macro, well)
-            if well:
-                count = int((trials.actions[row] >= 0).sum())
-                self.ways[failure, macro] = trials.states[row, :count].astype(np.float32)
+            count = int((trials.actions[row] >= 0).sum())
+            self.ways[failure, macro] = trials.states[row, :count].astype(np.float32)
 
     def tensors(self, width: int) -> dict[str, torch.Tensor]:
         """For a checkpoint; macros are at most `width` long."""
@@ -89,30 +89,44 @@ class SearchMemory:
         outcomes = list(zip(arrays["failure"].tolist(), macros, arrays["success"].tolist(), strict=True))
         for failure, macro, well in outcomes:
             self.table.add(failure, macro, bool(well))
-        won = [(failure, macro) for failure, macro, well in outcomes if well]
-        if won:
+        if outcomes:
             ways = np.split(arrays["states"], np.cumsum(arrays["lengths"])[:-1])
-            self.ways = dict(zip(won, ways, strict=True))
+            self.ways = {(failure, macro): way for (failure, macro, _), way in zip(outcomes, ways, strict=True)}
 
-    def examples(self, model: SuccessModel | None, features: Array, portfolio: int) -> tuple[list[Trial], Array]:
-        """Trials [W] that recovered, and how much each counts [W]: by how much the model prefers it for its failure.
+    def examples(
+        self, model: SuccessModel | None, features: Array, starts: Array, portfolio: int
+    ) -> tuple[Array, IntArray, Array]:
+        """States [K, O], decisions [K] and how much each counts [K], of all N failures.
 
-        Of a failure's macros the general ones count, if there are some: what recovered once may have been luck.
+        Of each failure those of one macro alone, since decisions of several mixed are those of none: of the ones that
+        were carried out there, the one that the model believes in most if it recovered, or is the best of all; where
+        that is far from the best, the first decision of the best.
+
+        Args:
+            model: of all outcomes.
+            features: [N, F] of the failures.
+            starts: [N, O] their states.
+            portfolio: macros that are chosen among.
         """
-        general = {macro: place for place, macro in enumerate(self.table.winners(portfolio))}
-        by_failure: dict[int, list[Macro]] = {}
+        macros = self.table.winners(portfolio)
+        place = {macro: column for column, macro in enumerate(macros)}
+        rates = np.array([self.table.rate(macro) for macro in macros])
+        beliefs = np.tile(rates, (len(features), 1)) if model is None else model.probability(features, macros)
+        beliefs[:, beliefs.mean(axis=0).argmax()] += NEAR  # what is best everywhere, unless another is clearly better
+        best = beliefs.argmax(axis=1)
+        carried_out: dict[int, list[tuple[float, Macro]]] = {}
         for failure, macro in self.ways:
-            by_failure.setdefault(failure, []).append(macro)
-        trials, beliefs = [], []
-        rates = np.array([self.table.rate(macro) for macro in general])
-        chances = None if model is None else model.probability(features[list(by_failure)], list(general))
-        for row, (failure, macros) in enumerate(by_failure.items()):
-            few = [macro for macro in macros if macro in general]
-            places = [general[macro] for macro in few]
-            belief = (rates if chances is None else chances[row])[places]
-            trials += [(failure, macro) for macro in few or macros]
-            beliefs += list(np.exp((belief - belief.max()) / PREFERENCE)) if few else [1.0] * len(macros)
-        return trials, np.array(beliefs)
+            if macro in place and (self.table.succeeded(failure, macro) or place[macro] == best[failure]):
+                carried_out.setdefault(failure, []).append((beliefs[failure, place[macro]], macro))
+        states, taken, counts = [], [], []
+        for failure, column in enumerate(best.tolist()):
+            belief, macro = max(carried_out.get(failure, []), default=(-1.0, macros[column]))
+            near = belief > beliefs[failure, column] - NEAR
+            way = self.ways[failure, macro] if near else starts[[failure]]
+            states.append(way)
+            taken.append(np.array((macro if near else macros[column])[: len(way)]))
+            counts.append(np.full(len(way), LOST if near and not self.table.succeeded(failure, macro) else 1.0))
+        return np.concatenate(states), np.concatenate(taken), np.concatenate(counts)
 
 
 @dataclass
@@ -131,6 +145,7 @@ class _Run:
     search: SearchMemory
     space: MacroSpace
     features: Array
+    first: Array
     since_s: float = field(default_factory=time.perf_counter)
     fitted: int = 0
     forest: SuccessModel | None = None
@@ -195,25 +210,14 @@ class _Run:
 
     def policy(self) -> Policy:
         """The network, learnt from the examples so far."""
-        trials, preference = self.search.examples(self.model(), self.features, self.plan.portfolio)
-        ways = [self.search.ways[trial] for trial in trials]
-        taken: IntArray = np.concatenate([macro[: len(way)] for (_, macro), way in zip(trials, ways, strict=True)])
-        weights = np.repeat(preference, [len(way) for way in ways])
-        updates, batch, hidden = self.plan.updates, self.plan.batch, self.settings.ppo.hidden
-        return clone(
-            self.card,
-            np.concatenate(ways),
-            taken,
-            weights,
-            hidden,
-            updates=updates,
-            batch=batch,
-            seed=self.seed("network"),
-        )
+        plan = self.plan
+        examples = self.search.examples(self.model(), self.features, self.first, plan.portfolio)
+        hidden, seed = self.settings.ppo.hidden, self.seed("network")
+        return clone(self.card, *examples, hidden, updates=plan.updates, batch=plan.batch, seed=seed)
 
     def evaluate(self) -> None:
         """Learn the network, let it act on failures set apart, keep the best, and what the search remembers."""
-        if not self.search.ways:
+        if not any(self.search.table.success):
             return
         progress, start_s = self.progress, self.seconds()
         row = judge_and_keep(self.policy(), self.task, self.learner, self.starts, progress, self.folder)
@@ -260,7 +264,19 @@ def search_train(
     space = MacroSpace(len(learner.primitives), len(card.actions) - len(learner.primitives), longest)
     features = pair_features(state.values, state.names)
     run = _Run(
-        task, learner, plan, evaluation_starts, settings, card, folder, report, progress, search, space, features
+        task,
+        learner,
+        plan,
+        evaluation_starts,
+        settings,
+        card,
+        folder,
+        report,
+        progress,
+        search,
+        space,
+        features,
+        state.values,
     )
     run.since_s -= progress.seconds
     while trials := run.trials():

@@ -122,7 +122,7 @@ class PickPlace(RobotWorld):
         joint_noise_rad: float = 0.02,
         force_limit_n: float = 50.0,
         timestep_s: float = 0.005,
-        version: int = 2,
+        version: int = 1,
         nthread: int = 2,
     ) -> None:
         params = {name: value for name, value in locals().items() if name not in ("self", "nthread", "__class__")}

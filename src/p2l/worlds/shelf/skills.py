@@ -18,7 +18,7 @@ from p2l.worlds.shelf.hold import UPRIGHT, upright_distance
 from p2l.worlds.shelf.scene import DEPTH_M, TABLE_M, Thing
 from p2l.worlds.shelf.starts import APPROACH_M, AWAY_M, CARRY_M
 
-CLEARANCES_M = {1: 0.003, 2: 0.0005}  # between what is carried and the shelf's floor, by version of the worlds
+CLEARANCE_M = {1: 0.003, 2: 0.002}  # between what is carried and the shelf's floor, by version of the worlds
 BEFORE_M = 0.06  # from the thing's near side back to the pose before the grasp
 NEAR_M = 0.01  # a thing that is no farther above the table stands on it
 ASIDE_M = 0.05  # Place brings it to the middle of the shelf from that far
@@ -28,9 +28,9 @@ STEPS = {"pick": (8, 10, 8, 10), "move": (18,), "place": (14, 5, 6, 14)}  # cont
 SETTLE = {"pick": (0, 2, 8, 2), "move": (6,), "place": (2, 1, 6, 2)}  # of these, standing still at the end
 
 
-def options(thing: Thing, hand_quat: Array, clearance_m: float) -> tuple[Follow, ...]:
+def options(thing: Thing, hand_quat: Array, version: int) -> tuple[Follow, ...]:
     """The nominal chain for a thing, with the hand turned as `hand_quat` [4]."""
-    mouth = DEPTH_M / 2 + thing.half_depth_m + APPROACH_M
+    mouth, clearance_m = DEPTH_M / 2 + thing.half_depth_m + APPROACH_M, CLEARANCE_M[version]
 
     def way(points: list[Array], grip: list[float]) -> Waypoints:
         rows, count = len(points[0]), len(points)

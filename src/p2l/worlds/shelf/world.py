@@ -11,7 +11,7 @@ Where the thesis is silent, and deviations from it:
    "collision_slip" as in the thesis.
 3. "Upright" is the distance of quaternions after the best turn about the vertical, which is what upright means.
 4. Success in the cluttered shelf includes that no clutter was turned beyond its limit.
-5. Clutter stands 0.069 to 0.10 m to either side of the middle (the author's ±0.1 m leaves the fingers all the room
+5. Clutter stands 0.07 to 0.10 m to either side of the middle (the author's ±0.1 m leaves the fingers all the room
    they need, and nothing would ever be turned) and nowhere nearer to the mouth than the middle.
 6. `shelf_sigma_m` misplaces the shelf instead of the thing, which is how failures are induced in section 5.4.5.
 7. Bottle and can have robosuite's shapes with the density of the box; robosuite's own weigh 15 g.
@@ -39,7 +39,7 @@ from p2l.worlds.felt import FELT_SIZE, felt_force
 from p2l.worlds.robot import Fields, RobotWorld, physics_of
 from p2l.worlds.shelf import hold as hand
 from p2l.worlds.shelf.scene import CLUTTER, DEPTH_M, INNER_WIDTH_M, TABLE_M, Clutter, compose, find
-from p2l.worlds.shelf.skills import CLEARANCES_M, options
+from p2l.worlds.shelf.skills import options
 from p2l.worlds.shelf.starts import interval, positive, posture, starts_of, vector
 
 IMPEDANCE = {"stiffness_linear": 2000.0, "stiffness_angular": 200.0, "damping_linear": 180.0, "damping_angular": 20.0}
@@ -100,7 +100,7 @@ class Shelf(RobotWorld):
         shelf_y_m: Sequence[float] = (0.30, 0.35),
         shelf_lift_m: Sequence[float] = (0.05, 0.10),
         shelf_height_m: Sequence[float] = (0.21, 0.30),
-        clutter_x_m: Sequence[float] = (0.069, 0.10),
+        clutter_x_m: Sequence[float] = (0.07, 0.10),
         clutter_y_m: Sequence[float] = (0.30, 0.35),
         density_kg_m3: Sequence[float] = (200.0, 300.0),
         clutter_half_y_m: Sequence[float] = (0.05, 0.06),
@@ -113,7 +113,7 @@ class Shelf(RobotWorld):
         clutter_limit_rad: float = 0.1,
         models: int = 16,
         timestep_s: float = 1.0 / 240.0,
-        version: int = 2,
+        version: int = 1,
         nthread: int = 2,
     ) -> None:
         params = {name: value for name, value in locals().items() if name not in ("self", "nthread", "__class__")}
@@ -278,7 +278,7 @@ class Shelf(RobotWorld):
 
     def nominal_options(self) -> tuple[Option, ...]:
         """Pick, move, place."""
-        return options(self.thing, self.hand_quat, CLEARANCES_M[self.version])
+        return options(self.thing, self.hand_quat, self.version)
 
     def delivery_pos(self, truth: Privileged) -> Array:
         """On the board: half the box's height above the shelf's floor."""
