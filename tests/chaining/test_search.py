@@ -16,8 +16,8 @@ from p2l.chaining.search import train as search_module
 from p2l.chaining.search.macros import MacroSpace, macro_of, padded
 from p2l.chaining.search.model import OutcomeTable, SuccessModel, pair_features
 from p2l.chaining.search.network import clone
-from p2l.chaining.search.proposals import RoundPlan, propose
-from p2l.chaining.search.train import search_train
+from p2l.chaining.search.proposals import DEPTH, FEWEST, RoundPlan, propose
+from p2l.chaining.search.train import SearchMemory, search_train
 from p2l.chaining.search.trials import run_trials
 from p2l.chaining.states import action_names, first_state
 from p2l.chaining.train import TrainSettings, card_of
@@ -96,6 +96,38 @@ def test_nothing_is_tried_twice(seed, trials):
         assert not any(table.tried(*trial) for trial in proposed)
         for failure, macro in proposed:
             table.add(failure, macro, False)
+
+
+def test_macros_are_looked_for_at_a_few_failures_first():
+    rng, features = np.random.default_rng(0), np.zeros((500, 1))
+    first = propose(RoundPlan(200, 10), SPACE, OutcomeTable(), None, features, rng)
+    assert {failure for failure, _ in first} == set(range(FEWEST))
+    table = OutcomeTable()
+    for number in range(100 * DEPTH):
+        table.add(number % FEWEST, (0, 1, 2, 4), False)
+    later = propose(RoundPlan(200, 10), SPACE, table, None, features, rng)
+    assert {failure for failure, _ in later} == set(range(FEWEST, 100))  # the first ones have been given up
+
+
+def test_the_search_ends_where_every_macro_has_been_tried():
+    space, table = MacroSpace(primitives=1, options=1, longest=1), OutcomeTable()
+    for failure in range(3):
+        for macro in ((1,), (0, 1)):
+            table.add(failure, macro, False)
+    assert propose(RoundPlan(9, 5), space, table, None, np.zeros((3, 1)), np.random.default_rng(0)) == []
+
+
+def test_one_macro_is_learnt_from_for_each_failure():
+    """By rates alone: what is best everywhere where it recovered, another that did elsewhere, else a first decision."""
+    table, ways = OutcomeTable(), {}
+    for failure, macro, well in ((0, (0, 4), True), (0, (1, 5), True), (1, (0, 4), True), (1, (1, 5), False)):
+        table.add(failure, macro, well)
+        ways[failure, macro] = np.full((len(macro), 1), 10.0 * failure + macro[0])
+    memory = SearchMemory(table, ways, np.random.default_rng(0))
+    states, taken, counts = memory.examples(None, np.zeros((3, 1)), np.array([[7.0], [8.0], [9.0]]), 9)
+    assert_array_equal(states[:, 0], [0.0, 0.0, 10.0, 10.0, 9.0])
+    assert_array_equal(taken, [0, 4, 0, 4, 0])
+    assert_array_equal(counts, 1.0)
 
 
 def test_the_network_learns_what_it_is_shown(task):
