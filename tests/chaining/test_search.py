@@ -223,6 +223,15 @@ def test_a_search_that_was_killed_comes_to_the_same_policy_to_the_bit_and_recove
     assert {kind for kind, _ in rows} == {"round", "evaluation"}
 
 
+def test_a_round_that_is_larger_than_the_budget_is_cut_to_it(task, tmp_path):
+    learner = make_learner("search", task, Limits(), {"trials": 10**6, "updates": 10, "longest": 4})
+    settings = TrainSettings(2500, 8, 600, 4, PPOSettings(n_steps=24, batch_size=12, hidden=(16,)))
+    card = card_of(task, learner, "search", "hash")
+    apart = task.failures.take(range(4))
+    done = search_train(task, learner, learner.search, apart, settings, card, tmp_path, lambda *_: None)
+    assert 1500 < done.control_steps <= 2500 + 200
+
+
 def test_bad_settings_are_refused(task):
     for params, message in (
         ({"trials": 0}, "search: trials must be an integer of at least 1, got 0"),

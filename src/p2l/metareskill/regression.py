@@ -80,7 +80,8 @@ class ParameterisedSkill:
         from sklearn.neighbors import KNeighborsRegressor
 
         count = min(self.neighbours, len(self.states))
-        regressor = KNeighborsRegressor(n_neighbors=count, weights="distance", algorithm="brute")
+        # A tree sums squares of differences, so a state is at 0 from itself; `brute` expands them, and rounds to 1e-8.
+        regressor = KNeighborsRegressor(n_neighbors=count, weights="distance", algorithm="kd_tree")
         return regressor.fit((self.states - self.mean) / self.scale, self.parameters)
 
     def arrays(self) -> dict[str, npt.NDArray[Any]]:

@@ -115,6 +115,15 @@ def test_curves_hold_the_last_evaluation_so_far(runs, thesis):
     assert len(learning_curves(table).axes) == 1
 
 
+def test_a_curve_begins_where_all_its_runs_have_been_evaluated(thesis):
+    """A search has no policy before its first rounds."""
+    late = {"pick_place": [run("search", 0, (40, 0.5), (100, 0.8)), run("search", 1, (60, 0.7), (100, 0.8))]}
+    table = figure_5_5(late, thesis, points=2)
+    assert cell(table, "search", "success", "world=pick_place;control_steps=60")["mean"] == pytest.approx(0.6)
+    means = [setting for setting in table["setting"] if "seed" not in setting]
+    assert means == ["world=pick_place;control_steps=60", "world=pick_place;control_steps=100"]
+
+
 def test_options_are_counted_by_round(runs, thesis):
     table = figure_5_8(runs, thesis)
     assert cell(table, "rc", "place", "world=pick_place;round=1")["mean"] == 5.0

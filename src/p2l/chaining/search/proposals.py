@@ -26,7 +26,7 @@ DEPTH = 16  # trials of each failure that macros are looked for at, before they 
 FEWEST = 40  # failures that they are looked for at first
 GIVE_UP = 40  # trials after which nothing more is looked for at a failure
 VARIED = 0.2  # share of a round for neighbours of good macros on whatever failure, which may be better everywhere
-DRAWS = 20  # of a random macro, until one is new
+DRAWS = 20  # of random macros for a failure, where nothing else is new
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,7 @@
 """Search a budget of control steps for macros that recover, and learn the policy that chooses among them.
 
-Rounds of trials follow one another (`proposals`); from time to time the network learns, for every failure that was
-recovered from, the macros that did, those most that the model believes in, and is evaluated on failures set apart.
+Rounds of trials follow one another (`proposals`); from time to time the network learns one macro for each failure
+(`SearchMemory.examples`), and is evaluated on failures set apart.
 
 1. This is none of the thesis's methods: its MDP, its actions and its episodes, but no policy gradient.
 2. A control step is a control step: those of trials count like those of PPO's episodes, those of evaluations do not.
@@ -169,7 +169,8 @@ class _Run:
             return plan.trials
         left = self.settings.budget - progress.control_steps
         fit = int(left * len(self.search.table) / progress.control_steps)
-        return min(plan.trials, fit) if fit >= plan.trials * LEAST_ROUND else 0
+        whole_round = min(plan.trials, len(self.search.table))
+        return min(plan.trials, fit) if fit >= whole_round * LEAST_ROUND else 0
 
     def round(self, proposed: list[Trial]) -> None:
         """Carry out proposed trials, learn their outcomes."""

@@ -108,12 +108,16 @@ def _beside_main(table: pd.DataFrame, setting: str) -> list[Row]:
 
 
 def figure_5_5(runs: Mapping[str, Iterable[Learning]], thesis: Thesis, points: int = 51) -> pd.DataFrame:
-    """Success of evaluations during training against control steps: mean and t limits over seeds, and each seed."""
+    """Success of evaluations during training against control steps: mean and t limits over seeds, and each seed.
+
+    Means begin where every run has been evaluated: a learner without a policy before its first rounds is not at 0.
+    """
     rows: list[Row] = []
     for world, world_runs in runs.items():
         for learner, own in _by_learner(world_runs).items():
+            first = max(float(run.evaluations["control_steps"].iloc[0]) for run in own)
             last = max(float(run.evaluations["control_steps"].iloc[-1]) for run in own)
-            for steps in np.linspace(0.0, last, points):
+            for steps in np.linspace(first, last, points):
                 interval = t_interval([_at(run.evaluations, steps) for run in own])
                 setting = f"world={world};control_steps={round(steps)}"
                 rows.append(interval_row(learner, setting, "success", interval))
