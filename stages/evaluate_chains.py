@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 
 from p2l.artifacts import save_table
+from p2l.chaining.ceiling import Ceiling
 from p2l.chaining.clips import novel_clips
 from p2l.chaining.episodes import PolicyLedger
 from p2l.chaining.evaluation import Ablation, ChainResults, Reuse, Subject, Transfers, evaluate, open_policies
@@ -30,8 +31,9 @@ def run(cfg: EvaluateChainsConfig, out: Path, track: Tracker) -> None:
     world, agents = open_policies(who)
     runs = read_runs(cfg.learnt, cfg.learners, cfg.seeds)
     plans = Transfers(**dict(cfg.transfer)), Reuse(**dict(cfg.reuse)), Ablation(**dict(cfg.ablation))
+    limit = Ceiling(**dict(cfg.ceiling))
     with late_counter(f"evaluate {cfg.item}", " policies") as show:
-        results = evaluate(book, who, world, agents, *plans, show)
+        results = evaluate(book, who, world, agents, *plans, limit, show)
     save_table(out / "episodes.parquet", results.episodes, schema="chain_episodes", version=1)
     evaluation = ChainEvaluation(cfg.item, results.episodes, runs, results.transfers, results.reuse, results.ablation)
     numbers, files = chain_report(out, evaluation, cfg.thesis)

@@ -58,6 +58,12 @@ class PolicyLedger:
         return Item(self.item, method, seed, 0, config_hash(decisive))
 
 
+def policy_place(folder: Path, learner: str, seed: int) -> Path:
+    """Folder of a policy in that of `chain_recoveries`, which may hold one run alone."""
+    place = folder / "policies" / learner / f"s{seed}"
+    return folder if not place.exists() and (folder / FILE).is_file() else place
+
+
 def load_agents(
     folder: Path,
     learners: Sequence[str],
@@ -84,9 +90,7 @@ def load_agents(
     some = world.sample(generator(seed, "evaluate_chains", world.name, "columns"), 1)
     agents: dict[str, tuple[Agent, Policy]] = {}
     for name in learners:
-        place = folder / "policies" / name / f"s{seed}"
-        if not place.exists() and (folder / FILE).is_file():
-            place = folder
+        place = policy_place(folder, name, seed)
         agents[name] = load_agent(place, world, nominal, some, transfer=transfer)
         card = agents[name][1].card
         if (card.learner, card.seed) != (name, seed):
@@ -130,9 +134,9 @@ def episodes_of_seed(
                 plain = nominal_episodes(book, world, nominal, seed, episodes)
             start_s = time.perf_counter()
             rows = episode_rows(overall(world, nominal, agent, *plain), policy.card, nominal)
-            record = {"episodes": _columns(rows)}
+            record = {"episodes": record_of(rows)}
             write(book.records, item, record, seconds=time.perf_counter() - start_s)
-        tables.append(_table(record["episodes"]).assign(learner=learner, seed=seed, whole_task=agent.whole_task))
+        tables.append(table_of(record["episodes"]).assign(learner=learner, seed=seed, whole_task=agent.whole_task))
         if progress is not None:
             progress(1)
     table = pd.concat(tables, ignore_index=True)
@@ -153,12 +157,14 @@ def start_states(world: World, seed: int, episodes: int) -> Rows:
     return world.sample(generator(seed, "evaluate_chains", world.name, "starts"), episodes)
 
 
-def _columns(rows: pd.DataFrame) -> dict[str, list[Any]]:
+def record_of(rows: pd.DataFrame) -> dict[str, list[Any]]:
+    """`episode_rows` as a record keeps them."""
     table = rows.drop(columns=["learner", "seed", "episode"])
     return {str(name): (column.astype(int) if name in FLAGS else column).tolist() for name, column in table.items()}
 
 
-def _table(columns: Mapping[str, list[Any]]) -> pd.DataFrame:
+def table_of(columns: Mapping[str, list[Any]]) -> pd.DataFrame:
+    """Rows from what `record_of` gave."""
     table = pd.DataFrame(columns).astype({**dict.fromkeys(FLAGS, bool), "steps": "int64", "actions": str})
     table.insert(0, "episode", np.arange(len(table)))
     return table

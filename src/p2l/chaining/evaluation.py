@@ -16,10 +16,12 @@ from typing import Any
 import pandas as pd
 
 from p2l.chaining.ablation import AblationVariant, episodes_of_variant
+from p2l.chaining.ceiling import Ceiling, ceiling_of_seed
 from p2l.chaining.elsewhere import Variant, robosuite_variant, transfer_of_seed, variants
-from p2l.chaining.episodes import Agents, PolicyLedger, episodes_of_seed, load_agents
+from p2l.chaining.episodes import Agents, PolicyLedger, episodes_of_seed, load_agents, policy_place
 from p2l.chaining.novelty import NominalStates
 from p2l.chaining.reuse import nominal_sets, reuse_of_seed
+from p2l.chaining.search.macros import Macro, load_macros
 from p2l.contracts.world import World
 from p2l.seeding import generator
 from p2l.worlds.table import make_world
@@ -88,7 +90,7 @@ class ChainResults:
     Attributes:
         world: where.
         agents: by seed and learner.
-        episodes: rows of `episodes.episodes_of_seed`, of all seeds.
+        episodes: rows of `episodes.episodes_of_seed`, of all seeds, and of `ceiling.ceiling_of_seed`.
         transfers: rows of `elsewhere.transfer_of_seed`.
         reuse: rows of `reuse.reuse_of_seed`.
         ablation: rows of `episodes`, by variant.
@@ -122,6 +124,7 @@ def evaluate(
     transfers: Transfers,
     reuse: Reuse,
     ablation: Ablation,
+    ceiling: Ceiling,
     counter: Callable[[int], Callable[[int], None]],
 ) -> ChainResults:
     """Results of every item, looked up in the ledger or run and recorded.
@@ -134,6 +137,7 @@ def evaluate(
         transfers: settings of table 5.2.
         reuse: settings of figure 5.9.
         ablation: settings of section 5.4.2.
+        ceiling: macros without a policy.
         counter: makes a progress counter for so many policies, which is called with 1 after each.
 
     Raises:
@@ -165,8 +169,13 @@ def evaluate(
             len(subject.seeds)
             * (len(subject.learners) + len(transfer_variants) * len(transfer_learners) + len(ablation_variants))
         )
+        macros = _macros(subject, agents, ceiling)
         for seed in subject.seeds:
             episode_parts.append(episodes_of_seed(book, world, nominal, seed, agents[seed], subject.episodes, show))
+            if seed in macros:
+                source = agents[seed][ceiling.learner]
+                rest = (source, macros[seed], subject.episodes)
+                episode_parts.append(ceiling_of_seed(book, world, nominal, seed, *rest))
             transfer_parts.append(transfer_of_seed(book, variant_agents[seed], seed, show))
             reuse_agents = {name: agents[seed][name] for name in subject.learners if name in reuse.learners}
             key = (subject.seed, reuse.nominal_runs)
@@ -180,6 +189,17 @@ def evaluate(
         pd.concat(parts, ignore_index=True) for parts in (episode_parts, transfer_parts, reuse_parts)
     )
     return ChainResults(world, agents, episode_rows, transfer_rows, reuse_rows, variant_episodes)
+
+
+def _macros(subject: Subject, agents: Mapping[int, Agents], ceiling: Ceiling) -> dict[int, list[Macro]]:
+    """Macros of each seed's search, where there is one."""
+    if not ceiling.macros or ceiling.learner not in subject.learners:
+        return {}
+    found = {}
+    for seed in subject.seeds:
+        actions = agents[seed][ceiling.learner][1].card.actions
+        found[seed] = load_macros(policy_place(subject.folder, ceiling.learner, seed), actions, ceiling.macros)
+    return found
 
 
 def _ablation_variants(subject: Subject, ablation: Ablation) -> list[AblationVariant]:

@@ -17,6 +17,7 @@ from p2l.artifacts import atomic, config_hash
 from p2l.chaining.agent import PRECONDITIONS
 from p2l.chaining.checkpoint import Progress
 from p2l.chaining.policy import ABSENT, FILE, load_policy, policy_hash, save_absent
+from p2l.chaining.search.macros import MACROS
 from p2l.chaining.train import summary, times
 from p2l.errors import ArtifactError
 from p2l.failures.record import Failures
@@ -121,8 +122,8 @@ def keep_run(records: Path, item: Item, result: RunResult, folder: Path) -> None
 
 
 def copy_policy(source: Path, target: Path) -> None:
-    """Copy a policy with its card and its preconditions, and delete those of an earlier policy."""
-    for name in (FILE, f"{FILE}.json", ABSENT, PRECONDITIONS):
+    """Copy a policy with its card, its preconditions and its macros, and delete those of an earlier policy."""
+    for name in (FILE, f"{FILE}.json", ABSENT, PRECONDITIONS, MACROS):
         if (source / name).is_file():
             with atomic(target / name) as temporary:
                 temporary.write_bytes((source / name).read_bytes())

@@ -176,6 +176,18 @@ class AblationConfig(ConfigSection):
     variants: dict[str, dict[str, Any]]
 
 
+class CeilingConfig(ConfigSection):
+    """What macros do without a policy.
+
+    Attributes:
+        learner: which searches for them.
+        macros: how many of those that each of its runs has left; none: the rows are left out.
+    """
+
+    learner: str
+    macros: Annotated[int, Field(ge=0)]
+
+
 class EvaluateChainsConfig(WorldStageConfig):
     """Stage `evaluate_chains`: the whole robot on unseen start states.
 
@@ -192,6 +204,7 @@ class EvaluateChainsConfig(WorldStageConfig):
     transfer: TransferConfig
     reuse: ReuseConfig
     ablation: AblationConfig
+    ceiling: CeilingConfig
     videos: bool
     video: VideoConfig
 

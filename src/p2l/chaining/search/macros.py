@@ -7,12 +7,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
+from p2l.artifacts import load_json
+from p2l.errors import ArtifactError
 from p2l.records import Array, IntArray
 
 Macro = tuple[int, ...]
+MACROS = "macros.json"  # beside the policy of a search
 GO_ON = 0.65  # chance of one primitive more in a random macro
 AGAIN = 0.5  # chance that it is the one before once more: what frees a hand mostly takes more than one step
 
@@ -76,6 +80,22 @@ def padded(macros: Sequence[Macro], width: int) -> IntArray:
     for row, macro in zip(table, macros, strict=True):
         row[: len(macro)] = macro
     return table
+
+
+def load_macros(folder: Path, actions: Sequence[str], most: int) -> list[Macro]:
+    """The first of the macros that a search has left in `folder`, as indices into a policy's `actions`.
+
+    Raises:
+        ArtifactError: missing, damaged, or of other actions.
+    """
+    place = {name: index for index, name in enumerate(actions)}
+    named = load_json(folder / MACROS, schema="macros", version=1)["macros"][:most]
+    try:
+        return [tuple(place[name] for name in macro.split(";")) for macro in named]
+    except KeyError as error:
+        raise ArtifactError(
+            f"{folder / MACROS}: a macro of action {error}, which the policy beside it lacks"
+        ) from error
 
 
 def macro_of(row: IntArray) -> Macro:

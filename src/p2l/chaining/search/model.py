@@ -55,10 +55,15 @@ class OutcomeTable:
         """[failures] whether some macro has recovered from each of the first ones."""
         return np.isin(np.arange(failures), [one for one, well in zip(self.failure, self.success, strict=True) if well])
 
+    def counts(self, macro: Macro) -> tuple[int, int]:
+        """On how many failures a macro was tried, and from how many it recovered."""
+        outcomes = self._of.get(macro, {})
+        return len(outcomes), sum(outcomes.values())
+
     def rate(self, macro: Macro) -> float:
         """Share of its failures that a macro recovers from, with a prior of 0.15 worth two trials."""
-        outcomes = self._of.get(macro, {})
-        return (sum(outcomes.values()) + 0.3) / (len(outcomes) + 2)
+        tried, recovered = self.counts(macro)
+        return (recovered + 0.3) / (tried + 2)
 
     def winners(self, most: int) -> list[Macro]:
         """Macros that have recovered from some failure, the most general first."""

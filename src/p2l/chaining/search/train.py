@@ -1,7 +1,7 @@
 """Search a budget of control steps for macros that recover, and learn the policy that chooses among them.
 
 Rounds of trials follow one another (`proposals`); from time to time the network learns one macro for each failure
-(`SearchMemory.examples`), and is evaluated on failures set apart.
+(`memory.SearchMemory.examples`), and is evaluated on failures set apart.
 
 1. This is none of the thesis's methods: its MDP, its actions and its episodes, but no policy gradient.
 2. A control step is a control step: those of trials count like those of PPO's episodes, those of evaluations do not.
@@ -16,7 +16,6 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
@@ -24,7 +23,8 @@ import torch
 from p2l.chaining.checkpoint import Progress, load_checkpoint, save_checkpoint
 from p2l.chaining.learner import ChainTask, Learner
 from p2l.chaining.policy import Card, Policy
-from p2l.chaining.search.macros import Macro, MacroSpace, macro_of, padded
+from p2l.chaining.search.macros import MacroSpace, padded
+from p2l.chaining.search.memory import SearchMemory
 from p2l.chaining.search.model import OutcomeTable, SuccessModel, pair_features
 from p2l.chaining.search.network import clone
 from p2l.chaining.search.proposals import RoundPlan, Trial, propose
@@ -35,98 +35,14 @@ from p2l.chaining.states import first_state
 from p2l.chaining.train import TrainSettings
 from p2l.contracts.rows import Rows
 from p2l.errors import ConfigError
-from p2l.records import Array, IntArray
-from p2l.seeding import entropy, generator, generator_state, restore_generator
+from p2l.records import Array
+from p2l.seeding import entropy, generator
 
 SLOTS = 128  # trials at once; a wider batch is faster and changes nothing
-NEAR = 0.1  # of the best probability, for a macro that is learnt from in its place
-LOST = 0.3  # how much decisions count that were thought to be the best, and failed
+SHORT = 50  # trials of the first round
+GROWTH = 0.25  # of a later one, as a share of all trials before it: the first ones teach most
 LEAST_ROUND = 0.25  # of a round's trials: with fewer, the forest would be fitted for next to nothing
 Report = Callable[[str, Mapping[str, float]], None]
-
-
-@dataclass
-class SearchMemory:
-    """All that a search remembers.
-
-    Attributes:
-        table: outcomes.
-        ways: [K, O] states of each trial, by failure and macro.
-        rng: draws the trials.
-    """
-
-    table: OutcomeTable
-    ways: dict[Trial, Array]
-    rng: np.random.Generator
-
-    def add(self, proposed: list[Trial], trials: MacroTrials) -> None:
-        """The outcomes of a round."""
-        for row, (failure, macro) in enumerate(proposed):
-            well = bool(trials.success[row])
-            self.table.add(failure, macro, well)
-            count = int((trials.actions[row] >= 0).sum())
-            self.ways[failure, macro] = trials.states[row, :count].astype(np.float32)
-
-    def tensors(self, width: int) -> dict[str, torch.Tensor]:
-        """For a checkpoint; macros are at most `width` long."""
-        table, ways = self.table, list(self.ways.values())
-        arrays: dict[str, Any] = {
-            "failure": np.array(table.failure, dtype=np.int64),
-            "macro": padded(table.macro, width),
-            "success": np.array(table.success, dtype=np.int64),
-            "lengths": np.array([len(way) for way in ways], dtype=np.int64),
-            "rng": generator_state(self.rng),
-        }
-        if ways:
-            arrays["states"] = np.concatenate(ways)
-        return {name: torch.tensor(np.ascontiguousarray(value)) for name, value in arrays.items()}
-
-    def restore(self, by_name: Mapping[str, torch.Tensor]) -> None:
-        """From what `tensors` gave."""
-        arrays = {name: value.numpy() for name, value in by_name.items()}
-        restore_generator(self.rng, arrays["rng"])
-        macros = [macro_of(row) for row in arrays["macro"]]
-        outcomes = list(zip(arrays["failure"].tolist(), macros, arrays["success"].tolist(), strict=True))
-        for failure, macro, well in outcomes:
-            self.table.add(failure, macro, bool(well))
-        if outcomes:
-            ways = np.split(arrays["states"], np.cumsum(arrays["lengths"])[:-1])
-            self.ways = {(failure, macro): way for (failure, macro, _), way in zip(outcomes, ways, strict=True)}
-
-    def examples(
-        self, model: SuccessModel | None, features: Array, starts: Array, portfolio: int
-    ) -> tuple[Array, IntArray, Array]:
-        """States [K, O], decisions [K] and how much each counts [K], of all N failures.
-
-        Of each failure those of one macro alone, since decisions of several mixed are those of none: of the ones that
-        were carried out there, the one that the model believes in most if it recovered, or is the best of all; where
-        that is far from the best, the first decision of the best.
-
-        Args:
-            model: of all outcomes.
-            features: [N, F] of the failures.
-            starts: [N, O] their states.
-            portfolio: macros that are chosen among.
-        """
-        macros = self.table.winners(portfolio)
-        place = {macro: column for column, macro in enumerate(macros)}
-        rates = np.array([self.table.rate(macro) for macro in macros])
-        beliefs = np.tile(rates, (len(features), 1)) if model is None else model.probability(features, macros)
-        beliefs[:, beliefs.mean(axis=0).argmax()] += NEAR  # what is best everywhere, unless another is clearly better
-        best = beliefs.argmax(axis=1)
-        carried_out: dict[int, list[tuple[float, Macro]]] = {}
-        for failure, macro in self.ways:
-            if macro in place and (self.table.succeeded(failure, macro) or place[macro] == best[failure]):
-                carried_out.setdefault(failure, []).append((beliefs[failure, place[macro]], macro))
-        states, taken, counts = [], [], []
-        for failure, column in enumerate(best.tolist()):
-            belief, macro = max(carried_out.get(failure, []), default=(-1.0, macros[column]))
-            near = belief > beliefs[failure, column] - NEAR
-            way = self.ways[failure, macro] if near else starts[[failure]]
-            states.append(way)
-            taken.append(np.array((macro if near else macros[column])[: len(way)]))
-            counts.append(np.full(len(way), LOST if near and not self.table.succeeded(failure, macro) else 1.0))
-        return np.concatenate(states), np.concatenate(taken), np.concatenate(counts)
 
 
 @dataclass
@@ -164,13 +80,12 @@ class _Run:
 
     def trials(self) -> int:
         """Of the next round, so that the budget is not exceeded; 0 where it hardly suffices for another one."""
-        plan, progress = self.plan, self.progress
-        if not len(self.search.table):
-            return plan.trials
-        left = self.settings.budget - progress.control_steps
-        fit = int(left * len(self.search.table) / progress.control_steps)
-        whole_round = min(plan.trials, len(self.search.table))
-        return min(plan.trials, fit) if fit >= whole_round * LEAST_ROUND else 0
+        known, progress = len(self.search.table), self.progress
+        whole_round = min(self.plan.trials, max(SHORT, int(known * GROWTH)))
+        if not known:
+            return whole_round
+        fit = int((self.settings.budget - progress.control_steps) * known / progress.control_steps)
+        return min(whole_round, fit) if fit >= whole_round * LEAST_ROUND else 0
 
     def round(self, proposed: list[Trial]) -> None:
         """Carry out proposed trials, learn their outcomes."""
@@ -225,6 +140,7 @@ class _Run:
         progress.evaluation_seconds += self.seconds() - start_s
         progress.seconds = self.seconds()
         progress.tensors = self.search.tensors(self.learner.limits.decisions)
+        self.search.save_macros(self.folder, self.card.actions, self.plan.portfolio)
         save_checkpoint(self.folder, progress, self.card)
         self.report("evaluation", {**row, "seconds": progress.seconds})
 

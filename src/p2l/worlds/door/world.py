@@ -94,7 +94,7 @@ class Door(RobotWorld):
         joint_noise_rad: float = 0.0,
         force_limit_n: float = 150.0,
         timestep_s: float = 0.005,
-        version: int = 1,
+        version: int = 1,  # not `VERSION`: the records of chapter 4 are of it
         nthread: int = 2,
     ) -> None:
         self.handles = find(handle)

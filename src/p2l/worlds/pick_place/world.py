@@ -46,7 +46,7 @@ from p2l.worlds.pick_place.bins import (
     hand_room,
 )
 from p2l.worlds.pick_place.skills import options, quarter_turn
-from p2l.worlds.robot import RobotWorld, physics_of
+from p2l.worlds.robot import VERSION, RobotWorld, physics_of
 
 BASE_POS_WORLD = (-0.5, -0.1, 0.0)  # robosuite's offset of the base for arenas with bins
 REST_M = 0.8433  # height of the bread's centre when it lies there
@@ -122,7 +122,7 @@ class PickPlace(RobotWorld):
         joint_noise_rad: float = 0.02,
         force_limit_n: float = 50.0,
         timestep_s: float = 0.005,
-        version: int = 1,
+        version: int = VERSION,
         nthread: int = 2,
     ) -> None:
         params = {name: value for name, value in locals().items() if name not in ("self", "nthread", "__class__")}

@@ -36,7 +36,7 @@ from p2l.records import Array, BoolArray, IntArray
 from p2l.sim.batch import Chunk
 from p2l.sim.scene import FINGER_OPEN_M, FINGERS, WRIST_FORCE, model_variant
 from p2l.worlds.felt import FELT_SIZE, felt_force
-from p2l.worlds.robot import Fields, RobotWorld, physics_of
+from p2l.worlds.robot import VERSION, Fields, RobotWorld, physics_of
 from p2l.worlds.shelf import hold as hand
 from p2l.worlds.shelf.scene import CLUTTER, DEPTH_M, INNER_WIDTH_M, TABLE_M, Clutter, compose, find
 from p2l.worlds.shelf.skills import options
@@ -113,7 +113,7 @@ class Shelf(RobotWorld):
         clutter_limit_rad: float = 0.1,
         models: int = 16,
         timestep_s: float = 1.0 / 240.0,
-        version: int = 1,
+        version: int = VERSION,
         nthread: int = 2,
     ) -> None:
         params = {name: value for name, value in locals().items() if name not in ("self", "nthread", "__class__")}
