@@ -51,6 +51,15 @@ class LimitsConfig(ConfigSection):
     fields: tuple[str, ...]
 
 
+class OwnLimitsConfig(ConfigSection):
+    """Of `LimitsConfig`, what differs for a learner."""
+
+    decisions: Count | None = None
+    primitive_steps: Count | None = None
+    history: Count | None = None
+    fields: tuple[str, ...] | None = None
+
+
 class PPOConfig(ConfigSection):
     """See `p2l.chaining.ppo.PPOSettings`."""
 
@@ -76,7 +85,8 @@ class ChainRecoveriesConfig(WorldStageConfig):
     """Stage `chain_recoveries`: learn a recovery policy from recorded failures.
 
     Without `compare`, one run: `learner` with `seed`. With it, those of `learners`, each with every one of `seeds`;
-    `records` holds finished ones of them.
+    `records` holds finished ones of them. `limits_of` has limits that differ for a learner, by its name: it sees what
+    suits it, in the same world.
     """
 
     failures: Path
@@ -86,6 +96,7 @@ class ChainRecoveriesConfig(WorldStageConfig):
     learners: dict[str, LearnerConfig]
     records: Path | None
     limits: LimitsConfig
+    limits_of: dict[str, OwnLimitsConfig]
     narrowest: Positive
     budget: Count
     slots: Count
@@ -100,7 +111,9 @@ class ChainRecoveriesConfig(WorldStageConfig):
 
     def alone(self, learner: str | None = None, seed: int | None = None) -> ChainRecoveriesConfig:
         """One run without what does not concern it: `learner` with `seed` of those that are compared, or its own."""
-        update = {} if learner is None else {"learner": self.learners[learner], "seed": seed}
+        update: dict[str, Any] = {} if learner is None else {"learner": self.learners[learner], "seed": seed}
+        own = self.limits_of.get(learner or self.learner.name, OwnLimitsConfig()).model_dump(exclude_none=True)
+        update |= {"limits": self.limits.model_copy(update=own), "limits_of": {}}
         return self.model_copy(update={**update, "compare": (), "seeds": (), "learners": {}, "records": None})
 
     def ppo_of(self, learner: LearnerConfig) -> PPOConfig:

@@ -93,9 +93,7 @@ def load_macros(folder: Path, actions: Sequence[str], most: int) -> list[Macro]:
     try:
         return [tuple(place[name] for name in macro.split(";")) for macro in named]
     except KeyError as error:
-        raise ArtifactError(
-            f"{folder / MACROS}: a macro of action {error}, which the policy beside it lacks"
-        ) from error
+        raise ArtifactError(f"{folder / MACROS}: a macro of action {error}, which the policy there lacks") from error
 
 
 def macro_of(row: IntArray) -> Macro:
