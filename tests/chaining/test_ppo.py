@@ -261,7 +261,7 @@ def test_bad_input_is_refused_before_anything_is_simulated(task, failures):
     with pytest.raises(
         ConfigError, match="less than one round of 120 decisions of 10 control steps; give at least 1200"
     ):
-        TrainSettings(budget=1199)
+        TrainSettings(budget=1199).check_rounds()
     with pytest.raises(ConfigError, match="unknown learner 'sac'; known: lazy_rc, pp, rc, rl, search"):
         make_learner("sac", task, Limits())
     for name, params, message in (

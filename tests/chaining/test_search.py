@@ -236,6 +236,7 @@ def test_bad_settings_are_refused(task):
     for params, message in (
         ({"trials": 0}, "search: trials must be an integer of at least 1, got 0"),
         ({"longest": 2.5}, "search: longest must be an integer of at least 1, got 2.5"),
+        ({"longest": 10}, r"longest \(10\) leaves no decision of limits\.decisions \(10\).*give at most 9"),
     ):
         with pytest.raises(ConfigError, match=message):
             make_learner("search", task, Limits(), params)

@@ -96,12 +96,14 @@ def prepare(run: ChainRun, failures: Failures, path: Path) -> RunSetup:
 
     Raises:
         ArtifactError: failures of another world.
-        ConfigError: unknown learner, or a setting that it or the world refuses.
+        ConfigError: unknown learner, or a setting that it or the world refuses, or a budget of no round.
     """
     world, nominal = open_world(failures, path, run.nthread)
     parts = split(failures.rows, run.settings.episodes, run.seed, world.name)
     task = ChainTask(world, nominal, parts.training, run.seed)
     learner = make_learner(run.learner, task, run.limits, run.params)
+    if learner.search is None:
+        run.settings.check_rounds()
     return RunSetup(run, len(failures), parts, task, learner)
 
 

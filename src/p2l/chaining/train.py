@@ -52,7 +52,12 @@ class TrainSettings:
     ppo: PPOSettings = field(default_factory=PPOSettings)
     revisit: float = 0.0
 
-    def __post_init__(self) -> None:
+    def check_rounds(self) -> None:
+        """Refuse a budget of less than a round of PPO, which a search has none of.
+
+        Raises:
+            ConfigError: it is.
+        """
         round_steps = self.ppo.n_steps * STEPS
         if self.budget < round_steps:
             raise ConfigError(

@@ -5,11 +5,21 @@ from __future__ import annotations
 from p2l.chaining.learner import ChainTask, Learner
 from p2l.chaining.mdp import Limits
 from p2l.chaining.search_settings import SearchSettings
+from p2l.errors import ConfigError
 
 
 def learner(
     task: ChainTask, limits: Limits, *, trials: int = 200, portfolio: int = 60, longest: int = 8, updates: int = 2000
 ) -> Learner:
-    """The MDP of RecoveryChaining, searched; for the settings see `SearchSettings`."""
+    """The MDP of RecoveryChaining, searched; for the settings see `SearchSettings`.
+
+    Raises:
+        ConfigError: a setting is refused, or no decision is left for a macro's option.
+    """
+    if isinstance(longest, int) and longest >= limits.decisions:
+        raise ConfigError(
+            f"search: longest ({longest}) leaves no decision of limits.decisions ({limits.decisions}) for a macro's "
+            f"option; give at most {limits.decisions - 1}"
+        )
     plan = SearchSettings(trials=trials, portfolio=portfolio, longest=longest, updates=updates)
     return Learner(limits, task.failures, search=plan)

@@ -3,7 +3,9 @@
 Failures that nothing has recovered from come first: what recovered from others and is thought to fit, a neighbour of
 that, or something random. The more of them are recovered from, the more trials teach the model where the good macros
 hold: on any failure, the macro that a few trees, drawn anew for each round, believe in most (Thompson sampling), so
-that what is uncertain and may be best is tried first.
+that what is uncertain and may be best is tried first. Of every round, shares go to what may be better everywhere:
+macros that were never tried, neighbours, and a race of those that have recovered from something; without them a search
+stays with the first macros that happened to help.
 
 Axis letters: N failures, K macros.
 """
@@ -20,12 +22,13 @@ from p2l.records import Array, BoolArray, IntArray
 
 OPINION = 10  # trees that a draw asks
 KNOWN, NEIGHBOUR = 0.6, 0.85  # cumulative chances of a known macro and of a neighbour; the rest is random
-SPREAD = 4.0  # mean rank of the macro whose neighbour is tried
 UNCERTAIN = 0.6  # share of a round that teaches the model once everything is recovered from
 DEPTH = 16  # trials of each failure that macros are looked for at, before they are at further ones
 FEWEST = 40  # failures that they are looked for at first
 GIVE_UP = 40  # trials after which nothing more is looked for at a failure
-VARIED = 0.2  # share of a round for neighbours of good macros on whatever failure, which may be better everywhere
+VARIED, RACED, RANDOM = 0.2, 0.2, 0.15  # shares of a round, on whatever failure: neighbours, known ones, random ones
+YOUNG, RANDOM_AT_FIRST = 300, 0.4  # trials of a search until which more are random
+FARTHER = 0.3  # chance of one change more in a neighbour
 DRAWS = 20  # of random macros for a failure, where nothing else is new
 
 
@@ -67,7 +70,9 @@ def propose(
     winners = table.winners(plan.portfolio)
     teaching = int(plan.trials * UNCERTAIN * solved.mean()) if winners and model is not None else 0
     tries = np.bincount(table.failure, minlength=len(features))[: len(solved)]
-    hard = rng.permutation(np.flatnonzero(~solved & (tries < GIVE_UP)))[: plan.trials - teaching]
+    others = _for_whatever_failure(plan, space, table, winners, rng.permutation(len(features)), rng)
+    left = plan.trials - max(len(others), teaching)
+    hard = rng.permutation(np.flatnonzero(~solved & (tries < GIVE_UP)))[:left]
     any_ones = rng.permutation(len(features))[: plan.trials - len(hard)]
     trials: dict[Trial, None] = {}
     beliefs = model.probability(features[hard], winners) if model is not None and winners and len(hard) else None
@@ -75,12 +80,8 @@ def propose(
         macro = _hard(failure, space, table, winners, None if beliefs is None else beliefs[row], rng)
         if not table.tried(failure, macro):
             trials[failure, macro] = None
-    varied = rng.permutation(len(features))[: int(plan.trials * VARIED) if winners else 0]
-    for failure in varied.tolist():
-        macro = space.neighbour(winners[min(int(rng.exponential(SPREAD)), len(winners) - 1)], rng)
-        if not table.tried(failure, macro):
-            trials[failure, macro] = None
-    for failure, macro in _uncertain(any_ones[len(varied) :], table, winners, model, features, rng):
+    trials |= dict.fromkeys(others)
+    for failure, macro in _uncertain(any_ones[len(others) :], table, winners, model, features, rng):
         trials[failure, macro] = None
     if not trials:  # everything that is known has been tried everywhere
         for failure in rng.permutation(len(features))[: plan.trials].tolist():
@@ -105,8 +106,47 @@ def _hard(
         if new:
             return new[0]
     if winners and chance < NEIGHBOUR:
-        return space.neighbour(winners[min(int(rng.exponential(SPREAD)), len(winners) - 1)], rng)
+        return _neighbour(space, table, winners, rng)
     return space.random(rng)
+
+
+def _for_whatever_failure(
+    plan: RoundPlan,
+    space: MacroSpace,
+    table: OutcomeTable,
+    winners: list[Macro],
+    failures: IntArray,
+    rng: np.random.Generator,
+) -> list[Trial]:
+    """New trials in search of a macro that is better everywhere: random ones, neighbours, a race of known ones."""
+    if not winners:
+        return []
+    share = RANDOM_AT_FIRST if len(table) < YOUNG else RANDOM
+    counts = [int(plan.trials * each) for each in (share, VARIED, RACED)]
+    kinds = np.repeat(["random", "neighbour", "known"], counts)
+    trials: list[Trial] = []
+    for failure, kind in zip(failures.tolist(), kinds.tolist(), strict=False):
+        if kind == "known":
+            macro = _promising(table, [each for each in winners if not table.tried(failure, each)] or winners, rng)
+        else:
+            macro = space.random(rng) if kind == "random" else _neighbour(space, table, winners, rng)
+        if not table.tried(failure, macro):
+            trials.append((failure, macro))
+    return trials
+
+
+def _promising(table: OutcomeTable, winners: list[Macro], rng: np.random.Generator) -> Macro:
+    """The one of the best rate, each drawn from what its outcomes leave open (Thompson sampling)."""
+    tried, recovered = np.array([table.counts(macro) for macro in winners]).T
+    return winners[int(rng.beta(recovered + 0.3, tried - recovered + 1.7).argmax())]
+
+
+def _neighbour(space: MacroSpace, table: OutcomeTable, winners: list[Macro], rng: np.random.Generator) -> Macro:
+    """Of a promising macro, a few changes away."""
+    macro = space.neighbour(_promising(table, winners, rng), rng)
+    while rng.random() < FARTHER:
+        macro = space.neighbour(macro, rng)
+    return macro
 
 
 def _uncertain(

@@ -85,7 +85,8 @@ def chain_report(out: Path, evaluation: ChainEvaluation, thesis: Path) -> tuple[
     reference, runs = load_thesis(thesis, CHAPTER), {evaluation.item: evaluation.runs}
     sheets = {tables.TABLE: tables.table_5_1({evaluation.item: evaluation.episodes}, reference, runs)}
     sheets[TRANSFERS] = table_5_2(evaluation.item, evaluation.transfers, reference)
-    own = {OWN: evaluation.episodes[evaluation.episodes["learner"] == MAIN]}
+    varied = {learner for table in evaluation.ablation.values() for learner in table["learner"]}
+    own = {OWN: evaluation.episodes[evaluation.episodes["learner"].isin(varied)]}
     sheets[ABLATION] = ablation_5(evaluation.item, {**own, **evaluation.ablation}, reference)
     sheets[STRATEGIES] = strategies_5(evaluation.item, evaluation.reuse, reference)
     sheets[REUSE] = figure_5_9(evaluation.item, evaluation.reuse, reference)

@@ -62,12 +62,15 @@ def figure_5_9(sources: Sources) -> Section:
 
 def ablation_5(sources: Sources) -> Section:
     """Policies trained under other state uncertainty, or from other observations."""
-    title = "Section 5.4.2: ablation over state uncertainty"
+    title = "Section 5.4.2: ablation over state uncertainty and observations"
     if not sources.chain_worlds:
         return absent_section(title)
-    folders = [f"{world}_ablation" for world in sources.chain_worlds]
-    folders = [one for one in folders if (sources.data / STAGE / one / "ablation_5.csv").is_file()]
-    tables = [sources.sheet(STAGE, one, "ablation_5.csv") for one in folders]
+    found = [
+        file.parent.name
+        for world in sources.chain_worlds
+        for file in sorted((sources.data / STAGE).glob(f"{world}_ablation*/ablation_5.csv"))
+    ]
+    tables = [sources.sheet(STAGE, one, "ablation_5.csv") for one in found]
     if not any(len(table) for table in tables):
         return Section(title, [f"Left out: {COMMAND} learns under other noise and has not been run here."])
     table = pd.concat(tables, ignore_index=True)

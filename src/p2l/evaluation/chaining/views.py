@@ -14,7 +14,13 @@ from p2l.evaluation.page.sources import Sources
 from p2l.evaluation.page.views import estimate, setting_label, stage_commands
 
 CHAPTER, STAGE = 5, "evaluate_chains"
-METHODS = {"nominal": "Nominal", **{name: f"Nominal + {style.label}" for name, style in LEARNERS.items()}, "rl": "RL"}
+METHODS = {
+    "nominal": "Nominal",
+    **{name: f"Nominal + {style.label}" for name, style in LEARNERS.items()},
+    "rl": "RL",
+    "constant_macro": "Nominal + best macro, always",
+    "any_macro": "Nominal + any macro (ceiling)",
+}
 
 
 def sheet(name: str, rows: pd.DataFrame, table: pd.DataFrame, caption: str) -> PageTable:
