@@ -16,7 +16,7 @@ from p2l.chaining.search import train as search_module
 from p2l.chaining.search.macros import MacroSpace, macro_of, padded
 from p2l.chaining.search.model import OutcomeTable, SuccessModel, pair_features
 from p2l.chaining.search.network import clone
-from p2l.chaining.search.proposals import DEPTH, FEWEST, RoundPlan, propose
+from p2l.chaining.search.proposals import DEPTH, FEWEST, RoundPlan, promising, propose
 from p2l.chaining.search.train import SearchMemory, search_train
 from p2l.chaining.search.trials import run_trials
 from p2l.chaining.states import action_names, first_state
@@ -107,6 +107,34 @@ def test_macros_are_looked_for_at_a_few_failures_first():
         table.add(number % FEWEST, (0, 1, 2, 4), False)
     later = propose(RoundPlan(200, 10), SPACE, table, None, features, rng)
     assert {failure for failure, _ in later} == set(range(FEWEST, 100))  # the first ones have been given up
+
+
+def test_a_search_looks_further_than_at_the_first_macro_that_helped():
+    """Small rounds went to the hard failures alone: four of eight searches stayed with one that helps at a third."""
+    rng, features, table = np.random.default_rng(0), np.zeros((500, 1)), OutcomeTable()
+    space = MacroSpace(primitives=12, options=3, longest=8)
+    for number in range(30):
+        table.add(number, (0, 1, 12), number % 3 == 0)
+    rounds = [propose(RoundPlan(50, 60), space, table, None, features, rng) for _ in range(20)]
+    for proposed in rounds:
+        assert 40 <= len(proposed) <= 50
+    trials = [trial for proposed in rounds for trial in proposed]
+    anywhere = [macro for failure, macro in trials if failure >= FEWEST]
+    assert len(anywhere) > 0.6 * len(trials)
+    assert len({macro for macro in anywhere if macro != (0, 1, 12)}) > 0.4 * len(trials)
+    assert anywhere.count((0, 1, 12)) > 0.1 * len(trials)  # known ones are measured where they were not met before
+
+
+def test_a_macro_that_is_promising_is_raced_before_one_that_is_known_to_be_worse():
+    table = OutcomeTable()
+    for number in range(40):
+        table.add(number, (0, 4), number % 3 == 0)
+        table.add(number, (1, 4), number % 2 == 0)
+    table.add(0, (2, 4), True)
+    rng = np.random.default_rng(0)
+    drawn = [promising(table, [(0, 4), (1, 4), (2, 4)], rng) for _ in range(600)]
+    assert drawn.count((0, 4)) < drawn.count((1, 4))
+    assert drawn.count((2, 4)) > 100
 
 
 def test_the_search_ends_where_every_macro_has_been_tried():

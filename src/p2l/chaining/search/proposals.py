@@ -127,7 +127,7 @@ def _for_whatever_failure(
     trials: list[Trial] = []
     for failure, kind in zip(failures.tolist(), kinds.tolist(), strict=False):
         if kind == "known":
-            macro = _promising(table, [each for each in winners if not table.tried(failure, each)] or winners, rng)
+            macro = promising(table, [each for each in winners if not table.tried(failure, each)] or winners, rng)
         else:
             macro = space.random(rng) if kind == "random" else _neighbour(space, table, winners, rng)
         if not table.tried(failure, macro):
@@ -135,7 +135,7 @@ def _for_whatever_failure(
     return trials
 
 
-def _promising(table: OutcomeTable, winners: list[Macro], rng: np.random.Generator) -> Macro:
+def promising(table: OutcomeTable, winners: list[Macro], rng: np.random.Generator) -> Macro:
     """The one of the best rate, each drawn from what its outcomes leave open (Thompson sampling)."""
     tried, recovered = np.array([table.counts(macro) for macro in winners]).T
     return winners[int(rng.beta(recovered + 0.3, tried - recovered + 1.7).argmax())]
@@ -143,7 +143,7 @@ def _promising(table: OutcomeTable, winners: list[Macro], rng: np.random.Generat
 
 def _neighbour(space: MacroSpace, table: OutcomeTable, winners: list[Macro], rng: np.random.Generator) -> Macro:
     """Of a promising macro, a few changes away."""
-    macro = space.neighbour(_promising(table, winners, rng), rng)
+    macro = space.neighbour(promising(table, winners, rng), rng)
     while rng.random() < FARTHER:
         macro = space.neighbour(macro, rng)
     return macro
