@@ -121,7 +121,7 @@ def test_a_search_looks_further_than_at_the_first_macro_that_helped():
     trials = [trial for proposed in rounds for trial in proposed]
     anywhere = [macro for failure, macro in trials if failure >= FEWEST]
     assert len(anywhere) > 0.6 * len(trials)
-    assert len({macro for macro in anywhere if macro != (0, 1, 12)}) > 0.4 * len(trials)
+    assert len({macro for macro in anywhere if macro != (0, 1, 12)}) > 0.2 * len(trials)
     assert anywhere.count((0, 1, 12)) > 0.1 * len(trials)  # known ones are measured where they were not met before
 
 
