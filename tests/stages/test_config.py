@@ -106,7 +106,7 @@ def test_the_pipeline_trains_what_its_preset_compares(tmp_path):
     learn, judge = (
         yaml.safe_load((tmp_path / "shelf" / f"{stage}.yaml").read_text()) for stage in _composition.CHAIN_STAGES
     )
-    assert (learn["compare"], learn["seeds"]) == (["rc", "lazy_rc", "pp", "rl"], [3])
+    assert (learn["compare"], learn["seeds"]) == (["rc", "lazy_rc", "pp", "rl", "search"], [3])
     assert learn["failures"] == "data/discover/shelf/failures_train.npz"
     assert judge["learnt"] == "data/chain_recoveries/shelf"
     assert learn["limits"]["history"] == 3
@@ -115,6 +115,12 @@ def test_the_pipeline_trains_what_its_preset_compares(tmp_path):
     assert {name: run.settings.ppo.gae_lambda for name, run in runs.items()} == {"rc": 0.8, "rl": 0.95}
     assert "ppo" not in cfg.alone("rc", 3).model_dump()["learner"], "its hash is that of before"
     assert runs["rl"].settings.ppo.ent_coef == cfg.ppo.ent_coef
+    limits = {name: _chains.chain_run(cfg, name, 3).limits for name in ("rc", "search")}
+    assert (limits["rc"].history, limits["search"].history) == (3, 1)
+    assert "felt_force" in limits["search"].fields
+    assert "felt_force" not in limits["rc"].fields
+    assert limits["rc"].decisions == limits["search"].decisions
+    assert cfg.alone("rc", 3).limits_of == {}  # what another one sees does not make it another run
     assert "arm_rad" not in learn["limits"]["fields"]  # a policy is to mean the same on another arm
     assert {"bottle", "can", "ur5e"} <= set(judge["transfer"]["variants"])
 
@@ -129,7 +135,7 @@ def test_the_pipeline_trains_what_its_preset_compares(tmp_path):
         ("worlds=[door,door]", "none twice"),
         ("worlds=[doors]", "doors"),
         ("worlds=[shelf]", "recovery_worlds names door; worlds has: shelf"),
-        ("worlds=[door]", "chain_worlds names pick_place; worlds has: door"),
+        ("worlds=[door]", "chain_worlds names pick_place, shelf; worlds has: door"),
         ("chain_worlds=[shelf,shelf]", "chain_worlds names a world twice"),
         ("chain_worlds=[ant]", "chain_worlds names ant; worlds has: door, pick_place"),
         ("+overrides.chain_recoveries=['compare=[sac]']", "compare names sac; learners has: rc, lazy_rc, pp, rl, "),
