@@ -83,6 +83,8 @@ def run(name, out, track=None, **changes):
         plain["ppo"] |= SMALL
     if "records" in plain:
         plain["records"] = None
+    if "limits" in plain:  # the composition is of the default world
+        plain |= {"limits": plain["limits"] | {"fields": []}, "limits_of": {}}
     plain |= {"item": "push", "world": PUSH, **changes}
     out.mkdir(parents=True, exist_ok=True)
     STAGES[name].run.__wrapped__(validate(plain, SCHEMAS[name], "test"), out, track or Tracker())
@@ -265,6 +267,10 @@ def test_what_cannot_be_learnt_from_is_refused(found, tmp_path):
         learn(found, tmp_path, world={"name": "door", "params": {}})
     with pytest.raises(ArtifactError, match=r"under estimator=fixed, the configuration says exact; say world\.params"):
         learn(found, tmp_path, world={"name": "push", "params": {**PUSH["params"], "estimator": "exact"}})
+    unseen = {"decisions": 10, "primitive_steps": 100, "history": 1, "fields": ["grip_pos_m", "felt_force"]}
+    refusal = r"limits\.fields names felt_force, which world 'push' .*it observes: grip_pos_m"
+    with pytest.raises(ConfigError, match=refusal):
+        learn(found, tmp_path, limits=unseen)
     with pytest.raises(ConfigError, match="less than one round of 24 decisions of 10 control steps; give at least 240"):
         learn(found, tmp_path, budget=239)
     with pytest.raises(
@@ -300,7 +306,7 @@ def test_a_finished_run_is_neither_repeated_nor_overwritten(found, tmp_path, mon
     def again(**changes):
         with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
             plain = resolve(compose("chain_recoveries", ["experiment=smoke"]))
-        plain["ppo"] |= SMALL
+        plain |= {"ppo": plain["ppo"] | SMALL, "limits": plain["limits"] | {"fields": []}, "limits_of": {}}
         given = {"failures": str(found / "failures_train.npz"), "budget": 600, "slots": 8, "records": None}
         plain |= {"item": "push", "world": PUSH, "tracking": {"enabled": True, "uri": store}, **given, **changes}
         function = chain_recoveries.run.__wrapped__

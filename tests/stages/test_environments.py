@@ -122,7 +122,7 @@ def test_the_robot_s_own_state_has_the_columns_of_the_world_s():
 
 def test_failures_of_another_world_are_no_measure_of_a_policy(learnt):
     _, out = learnt
-    policy = load_policy(ROOT / "results/thesis/records/policies/pick_place-rc-s0")
+    policy = load_policy(ROOT / "results/thesis/records/policies/pick_place-search-s0")
     with pytest.raises(ArtifactError, match="have other columns than the policy of 'pick_place'; they lack"):
         recorded_states(policy, load_failures(out / "failures_train.npz"))
 

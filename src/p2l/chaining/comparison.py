@@ -20,6 +20,7 @@ from p2l.chaining.learners.table import make_learner
 from p2l.chaining.mdp import Limits
 from p2l.chaining.record import RunResult, copy_policy, find_run, keep_run, run_item, run_result
 from p2l.chaining.train import FailureSplit, TrainSettings, card_of, evaluation_starts_of, split, train
+from p2l.errors import ConfigError
 from p2l.failures.record import Failures, open_world
 from p2l.ledger import Item
 
@@ -96,10 +97,17 @@ def prepare(run: ChainRun, failures: Failures, path: Path) -> RunSetup:
 
     Raises:
         ArtifactError: failures of another world.
-        ConfigError: unknown learner, or a setting that it or the world refuses, or a budget of no round.
+        ConfigError: unknown learner, or a setting that it or the world refuses, a budget of no round, or a field
+            that the world does not observe.
     """
     world, nominal = open_world(failures, path, run.nthread)
     parts = split(failures.rows, run.settings.episodes, run.seed, world.name)
+    fields = world.observe(failures.rows.take([0])).columns
+    if missing := [name for name in run.limits.fields if name not in fields]:
+        raise ConfigError(
+            f"limits.fields names {', '.join(missing)}, which world '{world.name}' with these parameters does not "
+            f"observe; it observes: {', '.join(fields)}"
+        )
     task = ChainTask(world, nominal, parts.training, run.seed)
     learner = make_learner(run.learner, task, run.limits, run.params)
     if learner.search is None:

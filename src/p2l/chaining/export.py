@@ -52,10 +52,11 @@ def recorded_states(policy: Policy, failures: Failures) -> Array:
         ArtifactError: failures of another world, or whose observation lacks columns of the policy.
     """
     card = policy.card
-    seen = state_fields(failures.seen, card.limits)
-    states = Observation.stack([seen] * card.limits.history)
-    if states.names != card.columns:
+    lacking = [name for name in card.limits.fields if name not in failures.seen.columns]
+    if not lacking:
+        states = Observation.stack([state_fields(failures.seen, card.limits)] * card.limits.history)
         lacking = [name for name in card.columns if name not in states.names]
+    if lacking or states.names != card.columns:
         raise ArtifactError(
             f"failures of '{failures.origin.world}' have other columns than the policy of '{card.world}'"
             + (f"; they lack {', '.join(lacking[:3])}" if lacking else "")

@@ -182,9 +182,9 @@ def load_policy(folder: Path, *, identity: str | None = None) -> Policy:
     Example:
         >>> from pathlib import Path
         >>> from p2l import load_policy
-        >>> policy = load_policy(Path("results/thesis/records/policies/pick_place-rc-s0"))
+        >>> policy = load_policy(Path("results/thesis/records/policies/pick_place-search-s0"))
         >>> policy.card.world, policy.card.learner, policy.card.actions[-1]
-        ('pick_place', 'rc', 'from place')
+        ('pick_place', 'search', 'from place')
     """
     if absent := not (folder / FILE).is_file() and _card_file(folder).is_file():
         if identity is None:
