@@ -125,6 +125,22 @@ def test_a_search_looks_further_than_at_the_first_macro_that_helped():
     assert anywhere.count((0, 1, 12)) > 0.1 * len(trials)  # known ones are measured where they were not met before
 
 
+def test_few_failures_leave_every_kind_of_trial_its_share():
+    """Each failure got one such trial of a round, the random ones first: with 30 failures nothing else came."""
+    rng, features, table = np.random.default_rng(0), np.zeros((30, 1)), OutcomeTable()
+    space = MacroSpace(primitives=12, options=3, longest=8)
+    seen = ((0, 1, 12), (2, 3, 13))
+    for number in range(300):
+        table.add(number % 30, space.random(rng), False)
+    for number in range(8):
+        table.add(number, seen[number % 2], number % 4 < 2)
+    trials = propose(RoundPlan(200, 60), space, table, None, features, rng)
+    near = [macro for _, macro in trials if any(abs(len(macro) - 3) < 2 and set(macro) & set(one) for one in seen)]
+    assert len(trials) > 100
+    assert sum(macro in seen for _, macro in trials) > 20
+    assert len(near) > 60
+
+
 def test_a_macro_that_is_promising_is_raced_before_one_that_is_known_to_be_worse():
     table = OutcomeTable()
     for number in range(40):

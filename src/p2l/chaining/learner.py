@@ -78,6 +78,9 @@ class Learner:
         running_normalisation: observations are standardised over all that is met, not over the start states alone.
         search: macros are searched, and no policy gradient is taken.
         told: numbers for the reader of the policy's card and of the run's summary: what was done before training.
+
+    Raises:
+        ConfigError: the longest macro leaves no decision for its option.
     """
 
     limits: Limits
@@ -91,6 +94,14 @@ class Learner:
     running_normalisation: bool = False
     search: SearchSettings | None = None
     told: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        decisions = self.limits.decisions
+        if self.search is not None and self.search.longest >= decisions:
+            raise ConfigError(
+                f"search: longest ({self.search.longest}) leaves no decision of limits.decisions ({decisions}) for a "
+                f"macro's option; give at most {decisions - 1}"
+            )
 
     def pool(self, task: ChainTask, rng: np.random.Generator, slots: int, revisit: float = 0.0) -> Pool:
         """The recovery MDP; episodes start at one of `starts`, drawn by `rng`, or continue an earlier success.

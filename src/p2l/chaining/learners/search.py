@@ -5,7 +5,6 @@ from __future__ import annotations
 from p2l.chaining.learner import ChainTask, Learner
 from p2l.chaining.mdp import Limits
 from p2l.chaining.search_settings import SearchSettings
-from p2l.errors import ConfigError
 
 
 def learner(
@@ -14,12 +13,7 @@ def learner(
     """The MDP of RecoveryChaining, searched; for the settings see `SearchSettings`.
 
     Raises:
-        ConfigError: a setting is refused, or no decision is left for a macro's option.
+        ConfigError: a setting is refused, or no decision is left for a macro's option (`Learner`).
     """
-    if isinstance(longest, int) and longest >= limits.decisions:
-        raise ConfigError(
-            f"search: longest ({longest}) leaves no decision of limits.decisions ({limits.decisions}) for a macro's "
-            f"option; give at most {limits.decisions - 1}"
-        )
     plan = SearchSettings(trials=trials, portfolio=portfolio, longest=longest, updates=updates)
     return Learner(limits, task.failures, search=plan)

@@ -70,10 +70,10 @@ def propose(
     winners = table.winners(plan.portfolio)
     teaching = int(plan.trials * UNCERTAIN * solved.mean()) if winners and model is not None else 0
     tries = np.bincount(table.failure, minlength=len(features))[: len(solved)]
-    others = _for_whatever_failure(plan, space, table, winners, rng.permutation(len(features)), rng)
+    others = _for_whatever_failure(plan, space, table, winners, len(features), rng)
     left = plan.trials - max(len(others), teaching)
     hard = rng.permutation(np.flatnonzero(~solved & (tries < GIVE_UP)))[:left]
-    any_ones = rng.permutation(len(features))[: plan.trials - len(hard)]
+    any_ones = rng.permutation(len(features))[: plan.trials - len(hard) - len(others)]
     trials: dict[Trial, None] = {}
     beliefs = model.probability(features[hard], winners) if model is not None and winners and len(hard) else None
     for row, failure in enumerate(hard.tolist()):
@@ -81,7 +81,7 @@ def propose(
         if not table.tried(failure, macro):
             trials[failure, macro] = None
     trials |= dict.fromkeys(others)
-    for failure, macro in _uncertain(any_ones[len(others) :], table, winners, model, features, rng):
+    for failure, macro in _uncertain(any_ones, table, winners, model, features, rng):
         trials[failure, macro] = None
     if not trials:  # everything that is known has been tried everywhere
         for failure in rng.permutation(len(features))[: plan.trials].tolist():
@@ -115,24 +115,27 @@ def _for_whatever_failure(
     space: MacroSpace,
     table: OutcomeTable,
     winners: list[Macro],
-    failures: IntArray,
+    failures: int,
     rng: np.random.Generator,
 ) -> list[Trial]:
-    """New trials in search of a macro that is better everywhere: random ones, neighbours, a race of known ones."""
+    """New trials in search of a macro that is better everywhere: random ones, neighbours, a race of known ones.
+
+    Each is of any failure, so that few of them leave every kind its share.
+    """
     if not winners:
         return []
     share = RANDOM_AT_FIRST if len(table) < YOUNG else RANDOM
     counts = [int(plan.trials * each) for each in (share, VARIED, RACED)]
-    kinds = np.repeat(["random", "neighbour", "known"], counts)
-    trials: list[Trial] = []
-    for failure, kind in zip(failures.tolist(), kinds.tolist(), strict=False):
+    trials: dict[Trial, None] = {}
+    for kind in np.repeat(["random", "neighbour", "known"], counts).tolist():
+        failure = int(rng.integers(failures))
         if kind == "known":
             macro = promising(table, [each for each in winners if not table.tried(failure, each)] or winners, rng)
         else:
             macro = space.random(rng) if kind == "random" else _neighbour(space, table, winners, rng)
         if not table.tried(failure, macro):
-            trials.append((failure, macro))
-    return trials
+            trials[failure, macro] = None
+    return list(trials)
 
 
 def promising(table: OutcomeTable, winners: list[Macro], rng: np.random.Generator) -> Macro:

@@ -177,8 +177,7 @@ def search_train(
     if progress.tensors:
         search.restore(progress.tensors)
         report("resumed", {"control_steps": progress.control_steps, "spared": 0})
-    longest = min(plan.longest, learner.limits.decisions - 1)
-    space = MacroSpace(len(learner.primitives), len(card.actions) - len(learner.primitives), longest)
+    space = MacroSpace(len(learner.primitives), len(card.actions) - len(learner.primitives), plan.longest)
     features = pair_features(state.values, state.names)
     run = _Run(
         task,
