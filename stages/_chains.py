@@ -22,7 +22,7 @@ def chain_run(cfg: ChainRecoveriesConfig, name: str | None = None, seed: int | N
     """One run: that of `learner`, or of one of those that are compared."""
     one = cfg.alone(name, seed)
     ppo = PPOSettings(**one.ppo_of(one.learner).model_dump())
-    budget = round(one.budget * one.learner.budget_share)
+    budget, every = round(one.budget * one.learner.budget_share), one.learner.evaluate_every or one.evaluation.every
     return ChainRun(
         item=one.item,
         name=name or one.learner.name,
@@ -30,7 +30,7 @@ def chain_run(cfg: ChainRecoveriesConfig, name: str | None = None, seed: int | N
         params=one.learner.params,
         seed=one.seed,
         config_hash=one.hash,
-        settings=TrainSettings(budget, one.slots, one.evaluation.every, one.evaluation.episodes, ppo, one.revisit),
+        settings=TrainSettings(budget, one.slots, every, one.evaluation.episodes, ppo, one.revisit),
         limits=Limits(**one.limits.model_dump()),
         narrowest=one.narrowest,
         nthread=one.world.params.get("nthread"),

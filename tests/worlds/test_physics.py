@@ -80,3 +80,35 @@ def test_what_is_known_of_the_first_version_stays_known():
     )  # that of its committed records
     with pytest.raises(ConfigError, match="unknown version 3 of the worlds; known: 1, 2"):
         make_world("door", {"version": 3})
+
+
+@pytest.mark.parametrize("name", ["pick_place", "shelf"])
+def test_gains_and_friction_are_scaled_and_nothing_else(name):
+    plain, scaled = (make_world(name, {"nthread": 1, **params}) for params in ({}, {"gain_scale": 1.3}))
+    command = far_off(plain, plain.sample(np.random.default_rng(0), 2))
+    stiff = plain.control(command) > 1.0
+    ratio = scaled.control(command)[stiff] / plain.control(command)[stiff]
+    np.testing.assert_allclose(ratio, 1.3)
+    physics = {world: vars(world.scenes[0].physics) for world in (plain, scaled)}
+    changed = {key for key, value in physics[plain].items() if physics[scaled][key] != value}
+    assert changed == {"stiffness_linear", "stiffness_angular", "damping_linear", "damping_angular"}
+    assert physics[scaled]["damping_linear"] == pytest.approx(1.3**0.5 * physics[plain]["damping_linear"])
+    rough = make_world(name, {"nthread": 1, "friction_scale": 0.7})
+    one, other = plain.scenes[0].model, rough.scenes[0].model
+    np.testing.assert_allclose(other.geom_friction[:, 0], 0.7 * one.geom_friction[:, 0])
+    np.testing.assert_array_equal(other.geom_friction[:, 1:], one.geom_friction[:, 1:])
+    np.testing.assert_array_equal(other.geom_size, one.geom_size)
+
+
+@pytest.mark.parametrize("name", ["pick_place", "shelf"])
+def test_a_scale_of_one_is_the_same_world_and_others_are_others(name):
+    """Records of the worlds, written before they had scales, stay theirs."""
+    digests = [
+        make_world(name, {"nthread": 1, **params}).digest
+        for params in ({}, {"gain_scale": 1.0, "friction_scale": 1.0}, {"gain_scale": 1.3}, {"friction_scale": 1.3})
+    ]
+    assert digests[0] == digests[1]
+    assert len(set(digests)) == 3
+    for bad in (0.0, -1.0, float("inf")):
+        with pytest.raises(ConfigError, match="gain_scale must be a positive number"):
+            make_world(name, {"gain_scale": bad})

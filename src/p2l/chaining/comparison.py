@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -21,7 +22,7 @@ from p2l.chaining.mdp import Limits
 from p2l.chaining.record import RunResult, copy_policy, find_run, keep_run, run_item, run_result
 from p2l.chaining.train import FailureSplit, TrainSettings, card_of, evaluation_starts_of, split, train
 from p2l.errors import ConfigError
-from p2l.failures.record import Failures, open_world
+from p2l.failures.record import Failures, open_world, varied_world
 from p2l.ledger import Item
 
 
@@ -108,7 +109,7 @@ def prepare(run: ChainRun, failures: Failures, path: Path) -> RunSetup:
             f"limits.fields names {', '.join(missing)}, which world '{world.name}' with these parameters does not "
             f"observe; it observes: {', '.join(fields)}"
         )
-    task = ChainTask(world, nominal, parts.training, run.seed)
+    task = ChainTask(world, nominal, parts.training, run.seed, partial(varied_world, failures, run.nthread))
     learner = make_learner(run.learner, task, run.limits, run.params)
     if learner.search is None:
         run.settings.check_rounds()
@@ -167,7 +168,7 @@ def compare(
     missing: list[tuple[ChainRun, Item]] = []
     for run in runs:
         key = run.name, run.seed
-        item = run_item(run.item, run.name, run.seed, run.config_hash, failures, code)
+        item = run_item(run.item, run.name, run.seed, run.config_hash, failures, code, registered=run.learner)
         if (result := find_run(records, item, run.config_hash, policies(out, key))) is None:
             missing.append((run, item))
         else:

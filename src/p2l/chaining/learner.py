@@ -6,8 +6,9 @@ A learner is one file with a function `learner(task, limits, **settings) -> Lear
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -50,12 +51,14 @@ class ChainTask:
         nominal: the chain π_1 … π_k.
         failures: recorded failures to learn from.
         seed: of the run; a learner derives its own generators from it.
+        vary: makes the world with some parameters changed, for learners that practise elsewhere, too.
     """
 
     world: World
     nominal: Sequence[Option]
     failures: Rows
     seed: int
+    vary: Callable[[Mapping[str, Any]], World] | None = None
 
     def __post_init__(self) -> None:
         if not len(self.failures):
@@ -77,6 +80,7 @@ class Learner:
         whole_task: the policy acts from the task's start, without the nominal controllers.
         running_normalisation: observations are standardised over all that is met, not over the start states alone.
         search: macros are searched, and no policy gradient is taken.
+        others: worlds whose failures a search practises on besides the task's.
         told: numbers for the reader of the policy's card and of the run's summary: what was done before training.
 
     Raises:
@@ -93,6 +97,7 @@ class Learner:
     whole_task: bool = False
     running_normalisation: bool = False
     search: SearchSettings | None = None
+    others: tuple[World, ...] = ()
     told: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -24,6 +24,7 @@ from p2l.failures.record import Failures
 from p2l.ledger import Item, find, place, write
 
 VERSION = 3  # raise it when an edit of the code changes results: committed records hold no hash of the code
+VERSIONS = {"search": 4}  # of learners, by registered name, whose code has changed since then
 POLICIES = "policies"
 DIGITS = 6  # of the numbers in a record
 TIMES = ["seconds", "evaluation_seconds", "control_steps_per_s"]  # earlier records hold them; no table does
@@ -59,25 +60,29 @@ def run_result(progress: Progress, failures: int, apart: int, told: Mapping[str,
     return RunResult(pd.DataFrame(progress.rounds), pd.DataFrame(progress.evaluations), facts, times(progress))
 
 
-def run_item(item: str, learner: str, seed: int, config: str, failures: Failures, code: str) -> Item:
+def run_item(
+    item: str, learner: str, seed: int, config: str, failures: Failures, code: str, *, registered: str = ""
+) -> Item:
     """The ledger's item of a run.
 
     Args:
         item: world, or a variant of it.
-        learner: registered name.
+        learner: its name among those that are compared.
         seed: of the run.
         config: hash of its configuration.
         failures: to learn from.
         code: hash of the code, whose change makes a record invalid; empty for committed records. These go to other
             machines, where the same discovery finds the same failures, but for the last bits of some that another
             processor rounds otherwise; so their item depends on the origin of the failures, and not on their rows.
+        registered: name of the learner.
     """
     if code:
         identity: dict[str, Any] = {name: values.tolist() for name, values in failures.rows.arrays().items()}
     else:
         identity = asdict(failures.origin)
         identity["params"] = {name: value for name, value in identity["params"].items() if name != "nthread"}
-    return Item(item, learner, seed, 0, config_hash([VERSION, config, failures.origin.digest, identity, code]))
+    version = VERSIONS.get(registered, VERSION)
+    return Item(item, learner, seed, 0, config_hash([version, config, failures.origin.digest, identity, code]))
 
 
 def policy_folder(records: Path, item: Item) -> Path:

@@ -17,6 +17,7 @@ class SearchSettings:
         longest: most primitives of a macro.
         updates: of the network, for each evaluation.
         batch: decisions of an update.
+        executions: of the nominal skills in each further world that the search practises in, to find failures.
 
     Raises:
         ConfigError: one of them is not a positive whole number.
@@ -27,6 +28,7 @@ class SearchSettings:
     longest: int = 8
     updates: int = 2000
     batch: int = 128
+    executions: int = 300
 
     def __post_init__(self) -> None:
         for each in fields(self):

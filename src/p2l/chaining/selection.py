@@ -2,42 +2,48 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
 
 from p2l.chaining.agent import agent_of, save_agent
 from p2l.chaining.checkpoint import Progress
 from p2l.chaining.execute import recover
-from p2l.chaining.learner import ChainTask, Learner
+from p2l.chaining.ground import Ground
+from p2l.chaining.learner import Learner
 from p2l.chaining.policy import Policy
-from p2l.contracts.rows import Rows
 
 
 def judge_and_keep(
-    policy: Policy, task: ChainTask, learner: Learner, starts: Rows, progress: Progress, folder: Path
+    policy: Policy, learner: Learner, apart: Sequence[Ground], progress: Progress, folder: Path
 ) -> dict[str, float]:
     """The row of an evaluation, which `progress` gets, too; the policy is written to `folder` if none was better.
 
     Args:
         policy: as it is now.
-        task: of the policy.
         learner: its MDP.
-        starts: of the evaluation's episodes.
+        apart: where the evaluation's episodes start; first those of the task itself, which the row's `success` is of.
         progress: of the run, its `control_steps` those that the policy has learnt from.
         folder: of the run.
     """
-    recoveries = recover(task.world, task.nominal, agent_of(learner, policy.act), starts)
-    success = float(recoveries.success.mean())
+    agent = agent_of(learner, policy.act)
+    recoveries = [recover(one.world, one.nominal, agent, one.failures) for one in apart]
+    successes = [each.success for each in recoveries]
+    everywhere = float(np.concatenate(successes).mean())
     row: dict[str, float] = {
         "control_steps": progress.control_steps,
         "spared": progress.spared,
-        "success": success,
-        "episodes": len(recoveries.success),
-        "evaluation_steps": int(recoveries.steps.sum()),
+        "success": float(successes[0].mean()),
+        "episodes": len(successes[0]),
+        "evaluation_steps": int(sum(each.steps.sum() for each in recoveries)),
     }
+    if len(apart) > 1:
+        row["success_everywhere"] = everywhere
     progress.evaluations.append(row)
-    if success >= progress.best:  # of equals the later one has learnt from more
-        progress.best = success
-        facts = {"control_steps": progress.control_steps, "evaluation_success": success, **learner.told}
+    if everywhere >= progress.best:  # of equals the later one has learnt from more
+        progress.best = everywhere
+        facts = {"control_steps": progress.control_steps, "evaluation_success": everywhere, **learner.told}
         save_agent(folder, replace(policy, card=replace(policy.card, told=facts)), learner)
     return row

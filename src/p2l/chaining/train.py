@@ -20,6 +20,7 @@ import torch
 from stable_baselines3.common.callbacks import BaseCallback
 
 from p2l.chaining.checkpoint import Progress, load_checkpoint, save_checkpoint
+from p2l.chaining.ground import Ground
 from p2l.chaining.learner import ChainTask, Learner, no_failures
 from p2l.chaining.policy import NARROWEST, Card, Normalisation
 from p2l.chaining.ppo import PoolPPO, PPOSettings
@@ -262,7 +263,9 @@ class _Watcher(BaseCallback):
         progress, start_s = self._progress, self._seconds()
         progress.control_steps, progress.spared = self.model.pool.control_steps, self.model.spared
         policy = export_policy(self.model, self._card)
-        row = judge_and_keep(policy, self._task, self._learner, self._evaluation_starts, progress, self._folder)
+        task = self._task
+        apart = [Ground(task.world, task.nominal, self._evaluation_starts)]
+        row = judge_and_keep(policy, self._learner, apart, progress, self._folder)
         progress.evaluation_seconds += self._seconds() - start_s
         self._is_due = True
         progress.seconds = self._seconds()

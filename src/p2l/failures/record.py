@@ -174,10 +174,24 @@ def open_world(failures: Failures, path: Path | str, nthread: int | None = None)
         ArtifactError: the world has changed since.
         ConfigError: there is no such world any more.
     """
-    threads = {} if nthread is None else {"nthread": nthread}
-    world = make_world(failures.origin.world, {**failures.origin.params, **threads})
+    world = varied_world(failures, nthread, {})
     check_world(failures, world, path)
     return world, world.nominal_options()
+
+
+def varied_world(failures: Failures, nthread: int | None, differs: Mapping[str, Any]) -> World:
+    """The world in which failures were found, with other values of some parameters.
+
+    Args:
+        failures: of it.
+        nthread: simulator threads; None: as many as found them.
+        differs: parameters with another value.
+
+    Raises:
+        ConfigError: the world refuses them.
+    """
+    threads = {} if nthread is None else {"nthread": nthread}
+    return make_world(failures.origin.world, {**failures.origin.params, **threads, **differs})
 
 
 def one_failure(failures: Failures, number: int, world: str, path: Path | str) -> Failures:

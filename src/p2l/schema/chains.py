@@ -26,19 +26,21 @@ class LearnerConfig(ChoiceConfig):
 
     Attributes:
         budget_share: share of the stage's budget that it gets.
+        evaluate_every: control steps between its evaluations, if not the stage's.
         ppo: settings of PPO that differ from the stage's.
     """
 
     registry = LEARNERS
 
     budget_share: Annotated[float, Field(gt=0, le=1)] = 1.0
+    evaluate_every: Count | None = None
     ppo: dict[str, Any] = Field(default_factory=dict)
 
     @model_serializer(mode="wrap")
     def _without_what_is_absent(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
         """A configuration is the same as before there were targets, or settings of PPO of its own."""
         values: dict[str, Any] = plain(self)
-        absent = [key for key in ("target", "ppo") if not values[key]]
+        absent = [key for key in ("target", "evaluate_every", "ppo") if not values[key]]
         return {key: values[key] for key in ("name", *values) if key not in absent}
 
 
@@ -85,8 +87,8 @@ class ChainRecoveriesConfig(WorldStageConfig):
     """Stage `chain_recoveries`: learn a recovery policy from recorded failures.
 
     Without `compare`, one run: `learner` with `seed`. With it, those of `learners`, each with every one of `seeds`;
-    `records` holds finished ones of them. `limits_of` has limits that differ for a learner, by its name: it sees what
-    suits it, in the same world.
+    `records` holds finished ones of them. `limits_of` has limits that differ for a learner, by its name, or else by that
+    of what it is a variant of: it sees what suits it, in the same world.
     """
 
     failures: Path
@@ -112,7 +114,9 @@ class ChainRecoveriesConfig(WorldStageConfig):
     def alone(self, learner: str | None = None, seed: int | None = None) -> ChainRecoveriesConfig:
         """One run without what does not concern it: `learner` with `seed` of those that are compared, or its own."""
         update: dict[str, Any] = {} if learner is None else {"learner": self.learners[learner], "seed": seed}
-        own = self.limits_of.get(learner or self.learner.name, OwnLimitsConfig()).model_dump(exclude_none=True)
+        names = (learner, self.learner.name if learner is None else self.learners[learner].name)
+        limits = [self.limits_of[name] for name in names if name in self.limits_of]
+        own = limits[0].model_dump(exclude_none=True) if limits else {}
         update |= {"limits": self.limits.model_copy(update=own), "limits_of": {}}
         return self.model_copy(update={**update, "compare": (), "seeds": (), "learners": {}, "records": None})
 

@@ -56,6 +56,7 @@ class Physics:
             the more the smaller this is; robosuite's 20 lets a held box turn by 0.016 rad/s in the hand.
         torque_limits: whether the arm's joints have the limits of robosuite's motors; without them a hand can push as
             hard as its impedance wants.
+        friction_scale: factor on the sliding friction of every geom.
     """
 
     timestep_s: float = 0.002
@@ -66,6 +67,7 @@ class Physics:
     joint_damping: float = 1.0
     impratio: float = 20.0
     torque_limits: bool = False
+    friction_scale: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -200,6 +202,10 @@ def _robot_spec(xml: str, parts: Parts, physics: Physics, joints: tuple[str, ...
     spec.option.density = spec.option.viscosity = 0.0
     if parts.edit is not None:
         parts.edit(spec)
+    if physics.friction_scale != 1.0:
+        for geom in spec.geoms:
+            sliding, *others = geom.friction
+            geom.friction = [sliding * physics.friction_scale, *others]
     return spec
 
 

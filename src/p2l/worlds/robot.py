@@ -32,19 +32,33 @@ HAND = ("grip_quat", "target_quat")
 # What has changed in the physics of our worlds; a row, a policy and a record belong to one version.
 # 2: joint torques have robosuite's limits, and a box that is held still turns by 0.002 rad/s instead of 0.016.
 VERSIONS: Mapping[int, Mapping[str, Any]] = {1: {}, 2: {"torque_limits": True, "impratio": 500.0}}
+SCALES = ("gain_scale", "friction_scale")
 VERSION = 2  # of a world that is not told another; chapter 4's door is of version 1, like its records
 Fields = Mapping[str, npt.NDArray[np.generic]]
 
 
-def physics_of(version: int, **numbers: float) -> Physics:
+def physics_of(version: int, *, gain_scale: float = 1.0, friction_scale: float = 1.0, **numbers: float) -> Physics:
     """The physics of a version of our worlds, with a world's own numbers.
 
+    Args:
+        version: of `VERSIONS`.
+        gain_scale: factor on the impedance's stiffnesses; dampings go with its root, so that it settles as before.
+        friction_scale: factor on the sliding friction of every geom.
+        numbers: of `Physics`.
+
     Raises:
-        ConfigError: there is no such version.
+        ConfigError: there is no such version, or a scale is not positive.
     """
     if version not in VERSIONS:
         raise ConfigError(f"unknown version {version} of the worlds; known: {', '.join(map(str, VERSIONS))}")
-    return replace(Physics(**numbers), **VERSIONS[version])  # type: ignore[arg-type]
+    for name, scale in (("gain_scale", gain_scale), ("friction_scale", friction_scale)):
+        if not 0.0 < scale < np.inf:
+            raise ConfigError(f"{name} must be a positive number, got {scale}")
+    physics = Physics(**numbers)  # type: ignore[arg-type]
+    stiffness = {name: gain_scale * getattr(physics, name) for name in ("stiffness_linear", "stiffness_angular")}
+    damping = {name: gain_scale**0.5 * getattr(physics, name) for name in ("damping_linear", "damping_angular")}
+    scaled: Mapping[str, Any] = stiffness | damping | {"friction_scale": friction_scale}
+    return replace(physics, **scaled, **VERSIONS[version])
 
 
 def engine_step(world: Scenic, rows: Rows, command: Command) -> tuple[Rows, IntArray, BoolArray]:
@@ -102,6 +116,9 @@ class RobotWorld:
         digest_params = {key: value for key, value in params.items() if key not in ("estimator", "nthread")}
         if digest_params.get("version") == 1:  # what is known of its rows was written when it was the only one
             del digest_params["version"]
+        for scale in SCALES:  # likewise
+            if digest_params.get(scale) == 1.0:
+                del digest_params[scale]
         columns = [list(self.engine.sensor_columns), list(self.engine.furniture)]
         # ROW_VERSION marks the edits of our worlds after which a saved row means something else; others have no such.
         module = type(self).__module__

@@ -25,20 +25,19 @@ from p2l.chaining.learner import ChainTask, Learner
 from p2l.chaining.policy import Card, Policy
 from p2l.chaining.search.macros import MacroSpace, padded
 from p2l.chaining.search.memory import SearchMemory
+from p2l.chaining.search.mixture import PracticeGrounds, mixture_of
 from p2l.chaining.search.model import OutcomeTable, SuccessModel, pair_features
 from p2l.chaining.search.network import clone
 from p2l.chaining.search.proposals import RoundPlan, Trial, propose
-from p2l.chaining.search.trials import MacroTrials, run_trials
+from p2l.chaining.search.trials import MacroTrials
 from p2l.chaining.search_settings import SearchSettings
 from p2l.chaining.selection import judge_and_keep
-from p2l.chaining.states import first_state
 from p2l.chaining.train import TrainSettings
 from p2l.contracts.rows import Rows
 from p2l.errors import ConfigError
 from p2l.records import Array
 from p2l.seeding import entropy, generator
 
-SLOTS = 128  # trials at once; a wider batch is faster and changes nothing
 SHORT = 50  # trials of the first round
 GROWTH = 0.25  # of a later one, as a share of all trials before it: the first ones teach most
 LEAST_ROUND = 0.25  # of a round's trials: with fewer, the forest would be fitted for next to nothing
@@ -52,7 +51,7 @@ class _Run:
     task: ChainTask
     learner: Learner
     plan: SearchSettings
-    starts: Rows
+    mixture: PracticeGrounds
     settings: TrainSettings
     card: Card
     folder: Path
@@ -91,16 +90,9 @@ class _Run:
         """Carry out proposed trials, learn their outcomes."""
         progress = self.progress
         macros = padded([macro for _, macro in proposed], self.learner.limits.decisions)
-        trials = run_trials(
-            self.task.world,
-            self.task.nominal,
-            self.learner.primitives,
-            self.task.failures,
-            np.array([failure for failure, _ in proposed], dtype=np.int64),
-            macros,
-            self.learner.limits,
-            slots=SLOTS,
-        )
+        failure = np.array([failure for failure, _ in proposed], dtype=np.int64)
+        limits, width = self.learner.limits, self.first.shape[1]
+        trials = self.mixture.trials(self.learner.primitives, failure, macros, limits, width)
         self.search.add(proposed, trials)
         progress.control_steps += int(trials.steps.sum())
         self._tell(trials)
@@ -136,7 +128,7 @@ class _Run:
         if not any(self.search.table.success):
             return
         progress, start_s = self.progress, self.seconds()
-        row = judge_and_keep(self.policy(), self.task, self.learner, self.starts, progress, self.folder)
+        row = judge_and_keep(self.policy(), self.learner, self.mixture.apart, progress, self.folder)
         progress.evaluation_seconds += self.seconds() - start_s
         progress.seconds = self.seconds()
         progress.tensors = self.search.tensors(self.learner.limits.decisions)
@@ -171,7 +163,8 @@ def search_train(
     """
     progress = load_checkpoint(folder, card) or Progress()
     torch.set_num_threads(1)  # the network is small, and sums depend on the number of threads
-    state = first_state(task.world, task.failures, learner.limits)
+    mixture = mixture_of(task, learner.others, plan.executions, evaluation_starts)
+    state = mixture.states(learner.limits)
     rng = generator(task.seed, "chain_recoveries", task.world.name, "search")
     search = SearchMemory(OutcomeTable(), {}, rng)
     if progress.tensors:
@@ -183,7 +176,7 @@ def search_train(
         task,
         learner,
         plan,
-        evaluation_starts,
+        mixture,
         settings,
         card,
         folder,

@@ -97,6 +97,8 @@ class PickPlace(RobotWorld):
         yaw_rad: range of the bread's yaw, rad.
         joint_noise_rad: standard deviation of each joint about robosuite's start posture, rad.
         force_limit_n: wrist force above which a collision is flagged, N.
+        gain_scale: factor on the stiffness of the hand's impedance.
+        friction_scale: factor on the friction of everything.
         timestep_s: physics time step.
         version: of the physics, see `worlds.robot.VERSIONS`.
         nthread: simulator threads.
@@ -121,6 +123,8 @@ class PickPlace(RobotWorld):
         yaw_rad: Sequence[float] = (0.0, 2 * np.pi),
         joint_noise_rad: float = 0.02,
         force_limit_n: float = 50.0,
+        gain_scale: float = 1.0,
+        friction_scale: float = 1.0,
         timestep_s: float = 0.005,
         version: int = VERSION,
         nthread: int = 2,
@@ -132,7 +136,13 @@ class PickPlace(RobotWorld):
         arena, bread = BinsArena(bin1_pos=BIN1_POS_M), BreadObject(name="Bread")
         arena.set_origin([0, 0, 0])
         parts = Parts(arena, [bread], BASE_POS_WORLD, pose_sensors={"object": bread.root_body})
-        scene = build(arm, parts, physics_of(version, timestep_s=timestep_s, **IMPEDANCE))
+        scene = build(
+            arm,
+            parts,
+            physics_of(
+                version, gain_scale=gain_scale, friction_scale=friction_scale, timestep_s=timestep_s, **IMPEDANCE
+            ),
+        )
         super().__init__("pick_place", params, [scene], Estimator(estimator, (sigma_m,) * 3), nthread=nthread)
         self._dofs = np.array([int(scene.model.joint(joint).dofadr[0]) for joint in scene.arm_joints])
         self._fingers_at = [joint for joint in self._columns if "finger_joint" in joint]

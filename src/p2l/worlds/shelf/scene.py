@@ -103,12 +103,18 @@ class Bank:
     clutter_half_m: Array
 
 
-def _box() -> MujocoObject:
-    return BoxObject("object", size=[0.02, 0.06, 0.08], density=1000.0, rgba=[0.8, 0.25, 0.2, 1.0])
+def _box(half_m: Triple, grip_before_m: float) -> Thing:
+    def make() -> MujocoObject:
+        return BoxObject("object", size=list(half_m), density=1000.0, rgba=[0.8, 0.25, 0.2, 1.0])
+
+    half_width_m, half_depth_m, half_height_m = half_m
+    return Thing(make, 1000.0, half_height_m, half_height_m, half_width_m, half_depth_m, grip_before_m, 0.0, 0.0)
 
 
 THINGS: Mapping[str, Thing] = {
-    "box": Thing(_box, 1000.0, 0.08, 0.08, 0.02, 0.06, 0.04, 0.0, 0.0),
+    "box": _box((0.02, 0.06, 0.08), 0.04),
+    "box_small": _box((0.018, 0.05, 0.07), 0.037),
+    "box_large": _box((0.022, 0.065, 0.085), 0.048),
     "bottle": Thing(lambda: BottleObject("object"), 50.0, 0.0649, 0.0951, 0.0276, 0.0293, 0.005, 0.0, 0.045),
     "can": Thing(lambda: CanObject("object"), 100.0, 0.0403, 0.0398, 0.025, 0.025, 0.005, 0.02, 0.045),
 }

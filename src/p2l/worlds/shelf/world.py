@@ -74,6 +74,8 @@ class Shelf(RobotWorld):
         slip_limit_rad, slip_limit_m: turn and shift in the hand above which a slip is flagged.
         clutter_limit_rad: turn of a clutter box above which it is flagged.
         models: how many densities (and sizes of clutter) the bank of models holds.
+        gain_scale: factor on the stiffness of the hand's impedance.
+        friction_scale: factor on the friction of everything.
         timestep_s: physics time step.
         version: of the physics, see `worlds.robot.VERSIONS`.
         nthread: simulator threads.
@@ -112,6 +114,8 @@ class Shelf(RobotWorld):
         slip_limit_m: float = 0.02,
         clutter_limit_rad: float = 0.1,
         models: int = 16,
+        gain_scale: float = 1.0,
+        friction_scale: float = 1.0,
         timestep_s: float = 1.0 / 240.0,
         version: int = VERSION,
         nthread: int = 2,
@@ -128,7 +132,9 @@ class Shelf(RobotWorld):
             interval("clutter_half_z_m", clutter_half_z_m, (0.01, self.starts.shelf_height_m[0] / 2)),
             clutter_density_kg_m3,
         )
-        physics = physics_of(version, timestep_s=timestep_s, **IMPEDANCE)
+        physics = physics_of(
+            version, gain_scale=gain_scale, friction_scale=friction_scale, timestep_s=timestep_s, **IMPEDANCE
+        )
         self.bank = compose(arm, self.thing, physics, heavy, sizes if clutter else None, models)
         self.failure_kinds = (*KINDS, "clutter_rotated") if clutter else KINDS
         self._clutter: tuple[str, ...] = CLUTTER if clutter else ()

@@ -1,0 +1,123 @@
+"""Failures of several worlds as those of one: the task's own world, and others that differ from it in a few parameters.
+
+A policy that is to work with another thing, other gains or another friction learns from failures met there. Every
+failure has one index; with one world it is that of its row.
+
+Axis letters: N failures of all worlds, T trials, D decisions, O state columns, G worlds.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from p2l.chaining.ground import Ground
+from p2l.chaining.learner import ChainTask
+from p2l.chaining.mdp import Limits
+from p2l.chaining.search.trials import MacroTrials, run_trials
+from p2l.chaining.states import first_state
+from p2l.chaining.train import split
+from p2l.contracts.observation import Observation
+from p2l.contracts.option import Option
+from p2l.contracts.rows import Rows
+from p2l.contracts.world import NO_FAILURE, World
+from p2l.errors import ConfigError
+from p2l.records import IntArray
+from p2l.seeding import generator
+from p2l.skills import chain
+
+SLOTS = 128  # trials at once; a wider batch is faster and changes nothing
+
+
+@dataclass(frozen=True)
+class PracticeGrounds:
+    """Failures to practise on, and those set apart.
+
+    Attributes:
+        training: G of them.
+        apart: G of them, for evaluations.
+        ground: [N] which of them each failure belongs to.
+        row: [N] its row there.
+    """
+
+    training: tuple[Ground, ...]
+    apart: tuple[Ground, ...]
+    ground: IntArray
+    row: IntArray
+
+    def __len__(self) -> int:
+        return len(self.ground)
+
+    def states(self, limits: Limits) -> Observation:
+        """[N, O] first states."""
+        each = [first_state(one.world, one.failures, limits) for one in self.training]
+        start = np.cumsum([0, *(len(one.failures) for one in self.training)])[self.ground]
+        return Observation(each[0].columns, np.concatenate([one.values for one in each])[start + self.row])
+
+    def trials(
+        self, primitives: Sequence[Option], failure: IntArray, macros: IntArray, limits: Limits, width: int
+    ) -> MacroTrials:
+        """Carry out one macro from each of the failures named, in its world; see `trials.run_trials`.
+
+        Args:
+            primitives: the agent's own actions.
+            failure: [T] where each trial starts.
+            macros: [T, D] actions, −1 after the last.
+            limits: bounds of an episode.
+            width: O.
+        """
+        count = len(failure)
+        actions, states = np.full(macros.shape, -1, dtype=np.int64), np.zeros((*macros.shape, width))
+        success, steps, timeouts = np.zeros(count, dtype=np.bool_), np.zeros(count, dtype=np.int64), 0
+        for index, one in enumerate(self.training):
+            mine = np.flatnonzero(self.ground[failure] == index)
+            if not len(mine):
+                continue
+            rows = self.row[failure[mine]]
+            done = run_trials(one.world, one.nominal, primitives, one.failures, rows, macros[mine], limits, slots=SLOTS)
+            actions[mine], states[mine], success[mine], steps[mine] = (
+                done.actions,
+                done.states,
+                done.success,
+                done.steps,
+            )
+            timeouts += done.timeouts
+        return MacroTrials(np.asarray(failure), actions, states, success, steps, timeouts)
+
+
+def mixture_of(task: ChainTask, others: Sequence[World], executions: int, evaluation: Rows) -> PracticeGrounds:
+    """The failures of a task and of other worlds, where the nominal skills run `executions` times each.
+
+    Of the others' failures as many are set apart, all together, as of the task's own.
+
+    Args:
+        task: of the policy.
+        others: further worlds.
+        executions: in each of them.
+        evaluation: failures of the task that are set apart already.
+
+    Raises:
+        ConfigError: the nominal skills did not fail in one of them.
+    """
+    training, apart = [Ground(task.world, task.nominal, task.failures)], [Ground(task.world, task.nominal, evaluation)]
+    for index, world in enumerate(others):
+        nominal = world.nominal_options()
+        rng = generator(task.seed, "chain_recoveries", task.world.name, "mixture", str(index))
+        last = chain.run(world, nominal, world.sample(rng, executions), slots=SLOTS).last
+        flagged = last.kind != NO_FAILURE
+        if not flagged.any():
+            raise ConfigError(
+                f"mixture: the nominal skills did not fail in {executions} executions of its world {index + 1}; leave "
+                "it out, or give more (mixture_executions)"
+            )
+        parts = split(last.rows.take(flagged), max(len(evaluation) // len(others), 1), task.seed, world.name)
+        training.append(Ground(world, nominal, parts.training))
+        apart.append(Ground(world, nominal, parts.evaluation))
+    ground = np.repeat(np.arange(len(training)), [len(one.failures) for one in training])
+    row = np.concatenate([np.arange(len(one.failures)) for one in training])
+    if others:  # the first failures are tried first, see `proposals`
+        order = generator(task.seed, "chain_recoveries", task.world.name, "mixture").permutation(len(ground))
+        ground, row = ground[order], row[order]
+    return PracticeGrounds(tuple(training), tuple(apart), ground, row)
