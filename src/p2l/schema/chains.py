@@ -87,8 +87,8 @@ class ChainRecoveriesConfig(WorldStageConfig):
     """Stage `chain_recoveries`: learn a recovery policy from recorded failures.
 
     Without `compare`, one run: `learner` with `seed`. With it, those of `learners`, each with every one of `seeds`;
-    `records` holds finished ones of them. `limits_of` has limits that differ for a learner, by its name, or else by that
-    of what it is a variant of: it sees what suits it, in the same world.
+    `records` holds finished ones of them. `limits_of` has limits that differ for a learner, by its name, or by the name
+    of the learner that it is a variant of: it sees what suits it, in the same world.
     """
 
     failures: Path
