@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from p2l.chaining.record import run_item
+from p2l.chaining.record import VERSION, VERSIONS, run_item
 from tests.failures import pushing
 
 
@@ -36,6 +36,14 @@ def test_committed_records_outlive_another_processor_and_more_threads_but_no_oth
     for other in ({"seed": failures.origin.seed + 1}, {"executions": 7}, {"split": "held_out"}, {"params": more}):
         assert entry(of_origin(failures, **other)).config_hash != first.config_hash
     assert entry(failures, config="another").config_hash != first.config_hash
+
+
+def test_a_learner_whose_code_has_changed_makes_records_of_its_own(failures):
+    """Those of the others, hours of work, stay valid."""
+    args = "push", "mine", 0, "config", failures, ""
+    assert VERSIONS["search"] > VERSION
+    assert run_item(*args, registered="rc") == run_item(*args)
+    assert run_item(*args, registered="search").config_hash != run_item(*args).config_hash
 
 
 def test_a_runs_own_records_know_failures_to_the_bit(failures):

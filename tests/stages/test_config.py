@@ -106,7 +106,7 @@ def test_the_pipeline_trains_what_its_preset_compares(tmp_path):
     learn, judge = (
         yaml.safe_load((tmp_path / "shelf" / f"{stage}.yaml").read_text()) for stage in _composition.CHAIN_STAGES
     )
-    assert (learn["compare"], learn["seeds"]) == (["rc", "lazy_rc", "pp", "rl", "search"], [3])
+    assert (learn["compare"], learn["seeds"]) == (["rc", "lazy_rc", "pp", "rl", "search", "search_mixed"], [3])
     assert learn["failures"] == "data/discover/shelf/failures_train.npz"
     assert judge["learnt"] == "data/chain_recoveries/shelf"
     assert learn["limits"]["history"] == 3
@@ -115,7 +115,11 @@ def test_the_pipeline_trains_what_its_preset_compares(tmp_path):
     assert {name: run.settings.ppo.gae_lambda for name, run in runs.items()} == {"rc": 0.8, "rl": 0.95}
     assert "ppo" not in cfg.alone("rc", 3).model_dump()["learner"], "its hash is that of before"
     assert runs["rl"].settings.ppo.ent_coef == cfg.ppo.ent_coef
-    limits = {name: _chains.chain_run(cfg, name, 3).limits for name in ("rc", "search")}
+    limits = {name: _chains.chain_run(cfg, name, 3).limits for name in ("rc", "search", "search_mixed")}
+    assert limits["search_mixed"] == limits["search"]  # of which it is a variant
+    every = {name: _chains.chain_run(cfg, name, 3).settings.evaluate_every for name in ("rc", "search")}
+    assert every == {"rc": 24_000, "search": 12_000}
+    assert "evaluate_every" not in cfg.alone("rc", 3).model_dump()["learner"], "its hash is that of before"
     assert (limits["rc"].history, limits["search"].history) == (3, 1)
     assert "felt_force" in limits["search"].fields
     assert "felt_force" not in limits["rc"].fields
@@ -123,6 +127,15 @@ def test_the_pipeline_trains_what_its_preset_compares(tmp_path):
     assert cfg.alone("rc", 3).limits_of == {}  # what another one sees does not make it another run
     assert "arm_rad" not in learn["limits"]["fields"]  # a policy is to mean the same on another arm
     assert {"bottle", "can", "ur5e"} <= set(judge["transfer"]["variants"])
+    mixed = learn["learners"]["search_mixed"]["params"]["mixture"]
+    assert {params.get("object", "box") for params in mixed.values()} == {
+        "box",
+        "bottle",
+        "can",
+        "box_small",
+        "box_large",
+    }
+    assert not any("arm" in params for params in mixed.values())  # transfer to another arm is a transfer
 
 
 @pytest.mark.parametrize(
