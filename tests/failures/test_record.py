@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from p2l.artifacts import load_arrays, save_arrays
-from p2l.errors import ArtifactError, ShapeError
+from p2l.errors import ArtifactError, ConfigError, ShapeError
 from p2l.failures.record import check_pair, check_params, check_world, load_failures, open_world, save_failures
 from tests.failures.pushing import found
 
@@ -85,7 +85,12 @@ def test_failures_of_another_world_or_version_are_refused(made, file):
         check_params(failures, "door", {}, file)
     with pytest.raises(ArtifactError, match=r"another variant of world 'push' \(sigma_m = 0.03, not 0.01\)"):
         check_params(failures, "push", {"sigma_m": 0.01}, file)
+    with pytest.raises(ArtifactError, match=r"\(sigma_m = 0.03, not its default\)"):
+        check_params(failures, "push", {}, file)
     check_params(failures, "push", {"sigma_m": 0.03, "nthread": 7, "estimator": "exact"}, file)
+    check_params(failures, "push", {"sigma_m": 0.03, "block_y_m": (-0.05, 0.05)}, file)  # which is the default
+    with pytest.raises(ConfigError, match=r"unknown parameters \['sigma'\]; allowed: sigma_m, "):
+        check_params(failures, "push", {"sigma": 0.03}, file)
 
 
 def test_held_out_failures_belong_to_the_training_failures(made, file):

@@ -293,6 +293,12 @@ def test_a_checkpoint_of_another_configuration_is_refused(found, tmp_path, monke
     with pytest.raises(ArtifactError, match="left by a run with another configuration"):
         learn(found, tmp_path, budget=700)
     rounds = pd.read_csv(tmp_path / "rounds.csv")
+    file = tmp_path / "checkpoint.safetensors"
+    whole = file.read_bytes()
+    file.write_bytes(whole[:-9])
+    with pytest.raises(ArtifactError, match=r"checkpoint\.safetensors: damaged; delete it and .*to start this run over"):
+        learn(found, tmp_path)
+    file.write_bytes(whole)
     learn(found, tmp_path)
     assert json.loads((tmp_path / "summary.json").read_text())["control_steps"] == rounds["control_steps"].iloc[-1]
 

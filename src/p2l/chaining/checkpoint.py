@@ -57,7 +57,12 @@ def load_checkpoint(folder: Path, card: Card) -> Progress | None:
     """
     if not (folder / FILE).is_file():
         return None
-    tensors, metadata = load_network(folder / FILE, schema=SCHEMA)
+    try:
+        tensors, metadata = load_network(folder / FILE, schema=SCHEMA)
+    except ArtifactError as error:
+        raise ArtifactError(
+            f"{folder / FILE}: damaged; delete it and {FILE}.json to start this run over, or put back a copy"
+        ) from error
     if metadata.pop("config_hash") != card.config_hash:
         raise ArtifactError(
             f"{folder / FILE}: left by a run with another configuration; delete it to start over, or choose another "

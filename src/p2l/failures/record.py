@@ -212,13 +212,19 @@ def check_params(failures: Failures, world: str, params: Mapping[str, Any], path
 
     Raises:
         ArtifactError: another world, or another value of a parameter.
+        ConfigError: the world does not take a parameter, or refuses its value.
     """
     origin = failures.origin
     if origin.world != world:
         raise ArtifactError(f"{path}: holds failures of world '{origin.world}'; expected those of '{world}'")
     names = sorted(({*params} | {*origin.params}) - {"estimator", "nthread"})
     if unlike := [name for name in names if params.get(name) != origin.params.get(name)]:
-        differences = "; ".join(f"{name} = {origin.params.get(name)}, not {params.get(name)}" for name in unlike)
+        if make_world(world, params).digest == origin.digest:
+            return  # what is named here and not there has its default value
+        values = [[each.get(name, "its default") for each in (origin.params, params)] for name in unlike]
+        differences = "; ".join(
+            f"{name} = {one}, not {other}" for name, (one, other) in zip(unlike, values, strict=True)
+        )
         raise ArtifactError(
             f"{path}: found in another variant of world '{world}' ({differences}); discover them for this one"
         )

@@ -130,6 +130,10 @@ class ChainRecoveriesConfig(WorldStageConfig):
             "learner": self.learner,
             **{f"learners.{n}": v for n, v in self.learners.items()},
         }.items():
+            if learner.name == "search" and (idle := sorted(set(learner.ppo) - {"hidden"})):
+                raise ValueError(
+                    f"{place}.ppo.{idle[0]}: the search takes no policy gradient; of ppo it heeds hidden only"
+                )
             try:
                 self.ppo_of(learner)
             except ValidationError as error:
