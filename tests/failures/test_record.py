@@ -89,7 +89,7 @@ def test_failures_of_another_world_or_version_are_refused(made, file):
         check_params(failures, "push", {}, file)
     check_params(failures, "push", {"sigma_m": 0.03, "nthread": 7, "estimator": "exact"}, file)
     check_params(failures, "push", {"sigma_m": 0.03, "block_y_m": (-0.05, 0.05)}, file)  # which is the default
-    with pytest.raises(ConfigError, match=r"unknown parameters \['sigma'\]; allowed: sigma_m, "):
+    with pytest.raises(ConfigError, match=r"unknown parameters \['sigma'\]; allowed: estimator, "):
         check_params(failures, "push", {"sigma": 0.03}, file)
 
 
