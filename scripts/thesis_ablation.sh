@@ -18,13 +18,12 @@ export PATH=$root/.venv/bin:$PATH
 export MLFLOW_TRACKING_URI=${MLFLOW_TRACKING_URI:-$(cd "$root" && .venv/bin/python -c 'import pathlib, p2l.tracking; print(p2l.tracking.default_store(pathlib.Path()))')}
 read -ra variants <<< "${VARIANTS:-rc:half rc:double rc:no_history rc:no_revisit rc:relative search:thesis_columns pp:no_failures}"
 seen=grip_pos_m,grip_quat,gap_m,shelf_pos_m,object_pos_m,force_high,target_pos_m,target_quat,grip_command
-relative=hand_to_shelf_m,thing_off_hold_m,bottom_above_floor_m,hand_to_target_m,grip_quat,gap_m,force_high,felt_force,actions,target_quat,grip_command
 declare -A sigma=([half]="[0.005,0.01]" [double]="[0.02,0.04]")
 declare -A learning=(
   [no_history]="limits.history=1 limits.fields=[$seen]"
   [no_revisit]="revisit=0.0"
-  [relative]="limits.history=1 limits.fields=[$relative]"
-  [thesis_columns]="limits_of.search.history=3 limits_of.search.fields=[$seen,actions]"
+  [relative]='limits.history=${limits_of.search.history} limits.fields=${limits_of.search.fields}'
+  [thesis_columns]='limits_of.search.history=${limits.history} limits_of.search.fields=${limits.fields}'
   [no_failures]="learners.pp.params.failures=0"
 )
 
