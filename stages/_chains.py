@@ -83,3 +83,12 @@ def run_teller(track: Tracker) -> Callable[[RunKey, RunResult], None]:
         track.metrics({f"{key[0]}/s{key[1]}/{name}": value for name, value in numbers.items()})
 
     return tell
+
+
+def closing_line(learnt: RunResult) -> str:
+    """What a person is told of a run that has ended."""
+    best, last = (learnt.facts[f"{which}_evaluation"] for which in ("best", "last"))
+    return (
+        f"the policy that is kept succeeded in {best:.0%} of its evaluation's episodes, the best of "
+        f"{len(learnt.evaluations)} evaluations (the last: {last:.0%})"
+    )

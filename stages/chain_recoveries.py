@@ -12,7 +12,7 @@ from p2l.evaluation.sheets import save_sheets
 from p2l.schema import ChainRecoveriesConfig
 from p2l.tracking import Tracker
 from stages._bridge import code_of, tell_times
-from stages._chains import chain_run, run_observer, run_teller
+from stages._chains import chain_run, closing_line, run_observer, run_teller
 from stages._stage import stage
 
 
@@ -50,7 +50,7 @@ def run(cfg: ChainRecoveriesConfig, out: Path, track: Tracker) -> None:
         track.metrics(learnt.facts)
         tell_times(track, out, learnt.times)
         drop_checkpoint(out)
-        print(f"{out}: the best policy succeeds in {learnt.facts['best_evaluation']:.0%} of its evaluation's episodes")
+        print(f"{out}: {closing_line(learnt)}")
     save_sheets(out, curves(results), {})
     for name in ("rounds", "evaluations"):
         track.artifact(out / f"{name}.csv")

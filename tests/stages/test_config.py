@@ -156,7 +156,7 @@ def test_the_pipeline_trains_what_its_preset_compares(tmp_path):
             "+overrides.chain_recoveries=['+learners.rl.ppo.gae_lamda=0.9']",
             "learners.rl.ppo.gae_lamda: given 0.9; Extra inputs are not permitted; its keys are n_steps, ",
         ),
-        ("+overrides.chain_recoveries=['+learners.search.ppo.gamma=0.9']", "learners.search.ppo.gamma: the search takes"),
+        ("+overrides.chain_recoveries=['+learners.search.ppo.gamma=0.9']", "learners.search.ppo.gamma: the search "),
         ("+overrides.chain_recoveries=['learners.rl.ppo.gae_lambda=2']", "learners.rl.ppo.gae_lambda: given 2; "),
         ("recovery_worlds=[door,door]", "recovery_worlds names a world twice"),
         ("recovery_worlds=[shelf]", "has no symbols, so no skill graph; give it a method"),
