@@ -94,6 +94,7 @@ def test_a_mixture_that_is_none_is_refused_before_anything_runs(task, varied):
 
     refused(r"mixture must name worlds by the parameters that differ", varied, ["bottle"])
     refused(r"mixture must name worlds by the parameters that differ", varied, {"bottle": {}})
+    refused(r"mixture names no world; name some in conf/chaining/<world>\.yaml.*or say learner=search", varied, {})
     refused(r"a mixture needs a world that was made from parameters", task, {"worse": {"sigma_m": 0.05}})
     refused(r"search: mixture\.worse: .*sigma_m", varied, {"worse": {"sigma_m": -1.0}})
     refused(r"executions must be an integer of at least 1, got 0", varied, {}, executions=0)

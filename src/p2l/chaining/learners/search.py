@@ -50,6 +50,11 @@ def learner(
 def _named(mixture: Mapping[str, Mapping[str, Any]] | None) -> Mapping[str, Mapping[str, Any]]:
     if mixture is None:
         return {}
+    if not mixture and isinstance(mixture, Mapping):
+        raise ConfigError(
+            "search: the mixture names no world; name some in conf/chaining/<world>.yaml, under "
+            "learners.search_mixed.params.mixture, or say learner=search"
+        )
     if not isinstance(mixture, Mapping) or not all(isinstance(each, Mapping) and each for each in mixture.values()):
         raise ConfigError(
             "search: mixture must name worlds by the parameters that differ, such as "
