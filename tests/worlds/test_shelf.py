@@ -225,7 +225,7 @@ def test_every_arm_observes_the_hand_as_the_one_that_policies_are_learnt_on(arm)
 @pytest.mark.parametrize(
     ("params", "message"),
     [
-        ({"object": "plate"}, "unknown object 'plate'; known objects: box, bottle, can"),
+        ({"object": "plate"}, "unknown object 'plate'; known objects: box, box_small, box_large, bottle, can"),
         ({"arm": "Spot"}, "unknown arm 'Spot'; known arms: Panda"),
         ({"shelf_y_m": (0.35, 0.30)}, r"shelf_y_m must be \[low, high\] with low ≤ high"),
         ({"shelf_height_m": (0.1, 0.3)}, r"shelf_height_m must lie within \[0.17, 0.32\]"),
