@@ -27,7 +27,7 @@ from p2l.skills.runner import Reason
 from p2l.worlds.table import make_world
 
 VERSION = 2  # raise it when an edit of the code changes episodes: committed records know no code
-MIRROR_VERSION = 2  # the same for robosuite's environments alone
+MIRROR_VERSION = 3  # the same for robosuite's environments alone
 AT_ONCE = 64
 ROBOSUITE = "robosuite"
 MOST = 20  # executions for each failure to induce: where nominal skills hardly ever fail the search ends

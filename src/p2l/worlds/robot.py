@@ -71,6 +71,11 @@ def engine_step(world: Scenic, rows: Rows, command: Command) -> tuple[Rows, IntA
     return replace(after, memory=memory), kind, chunk.diverged
 
 
+def _resembling(quat: Array, like: Array) -> Array:
+    """[N, 4] of q and −q, which are the same orientation, the one that is nearer to `like` [4]."""
+    return np.where((quat @ like < 0.0)[:, None], -quat, quat)
+
+
 class RobotWorld:
     """The algebra of a world; see `contracts.world.World` for the contract.
 
@@ -91,7 +96,7 @@ class RobotWorld:
     mode_fields: tuple[str, ...] = ()
     view: View = View()
     command_columns: Mapping[str, slice] = POSE
-    hand_sign: float = 1.0  # of the quaternions `HAND` as they are observed, see `observe_hand_as`
+    hand_like: Array | None = None  # what the quaternions `HAND` resemble as they are observed, see `observe_hand_as`
 
     def __init__(
         self,
@@ -171,18 +176,17 @@ class RobotWorld:
         target = self.target(rows)
         own = {"target_pos_m": target[:, :3], "target_quat": target[:, 3:], "grip_command": rows.grip}
         fields = {**self._observation(rows, error), **own}
-        if self.hand_sign < 0.0:
-            fields |= {name: -np.asarray(fields[name], dtype=np.float64) for name in HAND}
+        if self.hand_like is not None:
+            fields |= {name: _resembling(np.asarray(fields[name], dtype=np.float64), self.hand_like) for name in HAND}
         return Observation.of(fields)
 
     def observe_hand_as(self, like: npt.ArrayLike) -> None:
-        """Observe the hand's orientation with the sign that makes it resemble `like` [4] at the start.
+        """Observe the hand's orientation as that of q and −q, which are the same, that resembles `like` [4] more.
 
-        q and −q are the same orientation, and which of them the joints of an arm add up to is an accident of the arm.
-        A policy would take one for the other's opposite; with the sign of the arm it was learnt on it means the same.
+        Which of them the joints of an arm, or another simulator, come up with is an accident. A policy would take one
+        for the other's opposite.
         """
-        start = self.read(self.sample(np.random.default_rng(0), 1), "grip_quat")[0]
-        self.hand_sign = -1.0 if float(start @ np.asarray(like)) < 0.0 else 1.0
+        self.hand_like = np.asarray(like, dtype=np.float64)
 
     def sample(self, rng: np.random.Generator, n: int) -> Rows:
         """N start states."""
