@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Chapter 5 at thesis scale: three worlds, five learners, five seeds; then tables 5.1 and 5.2, figures 5.5, 5.8 and 5.9.
+# Chapter 5 at thesis scale: three worlds, six learners, five seeds; then tables 5.1 and 5.2, figures 5.5, 5.8 and 5.9.
 # Run it again after an interruption: every finished run (<world>-<learner>-s<seed>-b0.json, its policy in policies/) and
 # every evaluation (<world>-<learner>_episodes-…, <world>-<learner>_to_<variant>-…, <world>-rc_reuse-…) is in results/thesis/records/ as soon
 # as it ends; commit them, and the next machine goes on from there. A run under way goes on from its checkpoint here.

@@ -16,7 +16,7 @@ from p2l.chaining.search.mixture import mixture_of
 from p2l.chaining.search.train import search_train
 from p2l.chaining.search.trials import run_trials
 from p2l.chaining.states import first_state
-from p2l.chaining.train import TrainSettings, card_of
+from p2l.chaining.train import TrainSettings, card_of, summary
 from p2l.errors import ConfigError
 from p2l.skills.primitives import PRIMITIVES
 
@@ -83,6 +83,7 @@ def test_a_search_in_several_worlds_is_judged_in_all_of_them(varied, tmp_path):
     done = search_train(varied, learner, learner.search, apart, settings, card, tmp_path, lambda *row: None)
     assert {row["episodes"] for row in done.evaluations} == {4}  # `success` is that of the task itself
     assert done.best == max(row["success_everywhere"] for row in done.evaluations) > 0.0
+    assert summary(done)["last_evaluation"] == done.evaluations[-1]["success_everywhere"]  # comparable with the best
     agent, _ = load_agent(tmp_path, varied.world, varied.nominal, varied.failures)
     assert agent.limits == Limits()
 

@@ -111,6 +111,11 @@ def evaluation_starts_of(task: ChainTask, learner: Learner, parts: FailureSplit,
     return task.world.sample(generator(task.seed, "chain_recoveries", task.world.name, "apart"), episodes)
 
 
+def success_everywhere(evaluation: Mapping[str, float]) -> float:
+    """By what policies are chosen: the success of an evaluation in all the worlds that were practised in."""
+    return evaluation.get("success_everywhere", evaluation["success"])
+
+
 def summary(progress: Progress) -> dict[str, Any]:
     """Summary numbers of a completed run, the same on every machine; for wall times see `times`."""
     return {
@@ -121,7 +126,7 @@ def summary(progress: Progress) -> dict[str, Any]:
         "timeouts": sum(row["timeouts"] for row in progress.rounds),
         "settled": sum(row["settled"] for row in progress.rounds),
         "best_evaluation": progress.best,
-        "last_evaluation": progress.evaluations[-1]["success"],
+        "last_evaluation": success_everywhere(progress.evaluations[-1]),
     }
 
 

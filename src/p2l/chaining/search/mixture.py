@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from p2l.chaining.execute import nominal_part
 from p2l.chaining.ground import Ground
 from p2l.chaining.learner import ChainTask
 from p2l.chaining.mdp import Limits
@@ -26,7 +27,6 @@ from p2l.contracts.world import NO_FAILURE, World
 from p2l.errors import ConfigError
 from p2l.records import IntArray
 from p2l.seeding import generator
-from p2l.skills import chain
 
 SLOTS = 128  # trials at once; a wider batch is faster and changes nothing
 
@@ -105,12 +105,12 @@ def mixture_of(task: ChainTask, others: Sequence[World], executions: int, evalua
     for index, world in enumerate(others):
         nominal = world.nominal_options()
         rng = generator(task.seed, "chain_recoveries", task.world.name, "mixture", str(index))
-        last = chain.run(world, nominal, world.sample(rng, executions), slots=SLOTS).last
+        last = nominal_part(world, nominal, world.sample(rng, executions), slots=SLOTS).last
         flagged = last.kind != NO_FAILURE
         if not flagged.any():
             raise ConfigError(
                 f"mixture: the nominal skills did not fail in {executions} executions of its world {index + 1}; leave "
-                "it out, or give more (mixture_executions)"
+                "it out, or give more (learner.params.executions)"
             )
         parts = split(last.rows.take(flagged), max(len(evaluation) // len(others), 1), task.seed, world.name)
         training.append(Ground(world, nominal, parts.training))

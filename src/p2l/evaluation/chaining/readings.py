@@ -60,7 +60,7 @@ def of_order(claims: Claims, cells: Cells) -> list[Reading]:
         texts.append(f"{setting.removeprefix('world=')}: RC {percent(ours)}, PP {percent(rival)}{rest}")
     claim = claims["table_5_1", "order"]
     if not texts:
-        return [Reading(claim, "RC and PP were not both trained; the thesis preset trains all four learners.")]
+        return [Reading(claim, "RC and PP were not both trained; the thesis preset trains both.")]
     agrees: Agreement = "no"
     if all(apart and unable for apart, unable, _ in verdicts):
         agrees = "yes"

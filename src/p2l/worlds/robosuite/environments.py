@@ -102,8 +102,6 @@ def environment(world: World, scene: Scene, gains: Gains, *, objects: bool = Fal
             use_object_obs=objects,
             **(shelf.settings(world) if isinstance(world, Shelf) else {}),
         )
-    if isinstance(world, Shelf):  # ours: what is held is held as in the world's version; robosuite's own keep 20
-        env.sim.model.opt.impratio = scene.physics.impratio
     if other := _differences(env.sim.model, scene.visual_model):
         env.close()
         raise ConfigError(

@@ -39,6 +39,7 @@ class PlaceOnShelf(ManipulationEnv):
         clutter_half_m: [3] half sizes of each box that stands on the shelf; two, or none.
         clutter_density: kg/m³.
         clutter_limit_rad: turn of a box above which the task has failed.
+        impratio: of contacts, see `sim.scene.Physics`; with robosuite's 20 what is held turns in the hand.
         use_object_obs: whether poses of thing, shelf and clutter are observed.
         reward_scale: reward of a control step that ends in success; 0 of all others.
         settings: those of `ManipulationEnv`.
@@ -52,6 +53,7 @@ class PlaceOnShelf(ManipulationEnv):
         clutter_half_m: Sequence[Sequence[float]] = (),
         clutter_density: float = 100.0,
         clutter_limit_rad: float = 0.1,
+        impratio: float = 20.0,
         use_object_obs: bool = True,
         reward_scale: float = 1.0,
         **settings: Any,
@@ -59,6 +61,7 @@ class PlaceOnShelf(ManipulationEnv):
         self.thing, self.starts = thing, starts
         self.clutter_half_m = np.array(clutter_half_m).reshape(-1, 3)
         self.clutter_density, self.clutter_limit_rad = clutter_density, clutter_limit_rad
+        self.impratio = impratio
         self.use_object_obs, self.reward_scale = use_object_obs, reward_scale
         super().__init__(robots=robots, **settings)
 
@@ -80,6 +83,7 @@ class PlaceOnShelf(ManipulationEnv):
         self.lower, self.upper = shelf_parts()
         objects = [self.object, *self.clutter, self.lower, self.upper]
         self.model = ManipulationTask(mujoco_arena=arena, mujoco_robots=[robot], mujoco_objects=objects)
+        self.model.root.find("option").set("impratio", str(self.impratio))
 
     def _setup_references(self) -> None:
         super()._setup_references()
@@ -174,4 +178,5 @@ def settings(world: Shelf) -> dict[str, Any]:
         "starts": world.starts,
         "clutter_half_m": halves,
         "clutter_limit_rad": world.clutter_limit_rad,
+        "impratio": world.scenes[0].physics.impratio,
     }
