@@ -43,6 +43,7 @@ def test_one_world_keeps_its_failures_in_order(varied):
     state = first_state(varied.world, varied.failures, LIMITS)
     assert_array_equal(alone.states(LIMITS).values, state.values)
     assert alone.states(LIMITS).names == state.names
+    assert alone.identity().shape == (len(alone), 0)
 
 
 def test_every_failure_keeps_its_world_and_its_state(mixture):
@@ -56,6 +57,8 @@ def test_every_failure_keeps_its_world_and_its_state(mixture):
         assert_array_equal(np.sort(mixture.row[mine]), np.arange(counts[index]))
         assert_array_equal(values[mine], first_state(one.world, one.failures.take(mixture.row[mine]), LIMITS).values)
     assert [len(one.failures) for one in mixture.apart] == [8, 4, 4]
+    assert_array_equal(mixture.identity().argmax(axis=1), mixture.ground)
+    assert_array_equal(mixture.identity().sum(axis=1), 1.0)
 
 
 def test_a_trial_ends_as_in_its_own_world_alone(mixture):

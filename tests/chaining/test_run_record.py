@@ -43,7 +43,12 @@ def test_a_learner_whose_code_has_changed_makes_records_of_its_own(failures):
     args = "push", "mine", 0, "config", failures, ""
     assert VERSIONS["search"] > VERSION
     assert run_item(*args, registered="rc") == run_item(*args)
-    assert run_item(*args, registered="search").config_hash != run_item(*args).config_hash
+    searched = run_item(*args, registered="search")
+    assert searched.config_hash != run_item(*args).config_hash
+    mixed = run_item(
+        "push", "search_mixed", *args[2:], registered="search"
+    )  # by its name: a search's records stay valid
+    assert mixed.config_hash != searched.config_hash
 
 
 def test_a_runs_own_records_know_failures_to_the_bit(failures):

@@ -168,10 +168,36 @@ def test_one_macro_is_learnt_from_for_each_failure():
         table.add(failure, macro, well)
         ways[failure, macro] = np.full((len(macro), 1), 10.0 * failure + macro[0])
     memory = SearchMemory(table, ways, np.random.default_rng(0))
-    states, taken, counts = memory.examples(None, np.zeros((3, 1)), np.array([[7.0], [8.0], [9.0]]), 9)
+    starts, one_world = np.array([[7.0], [8.0], [9.0]]), np.zeros(3, dtype=np.int64)
+    states, taken, counts = memory.examples(None, np.zeros((3, 1)), starts, 9, one_world)
     assert_array_equal(states[:, 0], [0.0, 0.0, 10.0, 10.0, 9.0])
     assert_array_equal(taken, [0, 4, 0, 4, 0])
     assert_array_equal(counts, 1.0)
+
+
+class _Believed:
+    """A model that believes what it is told, whatever macros are asked for (sorted as they are asked for)."""
+
+    def __init__(self, beliefs):
+        self.beliefs = np.array(beliefs)
+
+    def probability(self, features, macros):
+        return self.beliefs.copy()
+
+
+def test_what_is_best_in_its_world_is_learnt_from_unless_another_is_clearly_better():
+    """(0, 4) is the best of both worlds together; in the second world (1, 5) is, and is preferred there alone."""
+    table = OutcomeTable()
+    for failure in range(4):
+        table.add(failure, (0, 4), True)
+    for failure in (2, 3):
+        table.add(failure, (1, 5), True)
+    assert table.winners(9) == [(0, 4), (1, 5)]
+    memory, features, starts = SearchMemory(table, {}, np.random.default_rng(0)), np.zeros((4, 1)), np.zeros((4, 1))
+    model = _Believed([[0.9, 0.1], [0.5, 0.55], [0.52, 0.5], [0.3, 0.5]])
+    for worlds, first_decisions in (([0, 0, 0, 0], [0, 0, 0, 1]), ([0, 0, 1, 1], [0, 0, 1, 1])):
+        _, taken, _ = memory.examples(model, features, starts, 9, np.array(worlds))
+        assert_array_equal(taken, first_decisions)
 
 
 def test_the_network_learns_what_it_is_shown(task):

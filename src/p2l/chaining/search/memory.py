@@ -74,7 +74,7 @@ class SearchMemory:
             self.ways = {(failure, macro): way for (failure, macro, _), way in zip(outcomes, ways, strict=True)}
 
     def examples(
-        self, model: SuccessModel | None, features: Array, starts: Array, portfolio: int
+        self, model: SuccessModel | None, features: Array, starts: Array, portfolio: int, ground: IntArray
     ) -> tuple[Array, IntArray, Array]:
         """States [K, O], decisions [K] and how much each counts [K], of all N failures.
 
@@ -87,12 +87,15 @@ class SearchMemory:
             features: [N, F] of the failures.
             starts: [N, O] their states.
             portfolio: macros that are chosen among.
+            ground: [N] the world of each failure.
         """
         macros = self.table.winners(portfolio)
         place = {macro: column for column, macro in enumerate(macros)}
         rates = np.array([self.table.rate(macro) for macro in macros])
         beliefs = np.tile(rates, (len(features), 1)) if model is None else model.probability(features, macros)
-        beliefs[:, beliefs.mean(axis=0).argmax()] += NEAR  # what is best everywhere, unless another is clearly better
+        for world in np.unique(ground):  # what is best everywhere in a world, unless another is clearly better
+            mine = np.flatnonzero(ground == world)
+            beliefs[mine, beliefs[mine].mean(axis=0).argmax()] += NEAR
         best = beliefs.argmax(axis=1)
         carried_out: dict[int, list[tuple[float, Macro]]] = {}
         for failure, macro in self.ways:

@@ -25,7 +25,7 @@ from p2l.contracts.option import Option
 from p2l.contracts.rows import Rows
 from p2l.contracts.world import NO_FAILURE, World
 from p2l.errors import ConfigError
-from p2l.records import IntArray
+from p2l.records import Array, IntArray
 from p2l.seeding import generator
 
 SLOTS = 128  # trials at once; a wider batch is faster and changes nothing
@@ -55,6 +55,15 @@ class PracticeGrounds:
         each = [first_state(one.world, one.failures, limits) for one in self.training]
         start = np.cumsum([0, *(len(one.failures) for one in self.training)])[self.ground]
         return Observation(each[0].columns, np.concatenate([one.values for one in each])[start + self.row])
+
+    def identity(self) -> Array:
+        """[N, G] the world of each failure, as 0 or 1; [N, 0] of one world.
+
+        The model of success knows it, the policy never: what recovers in which world is learnt from all outcomes, and
+        the network then tells the worlds apart by what is seen.
+        """
+        worlds = len(self.training)
+        return np.eye(worlds)[self.ground] if worlds > 1 else np.zeros((len(self), 0))
 
     def trials(
         self, primitives: Sequence[Option], failure: IntArray, macros: IntArray, limits: Limits, width: int

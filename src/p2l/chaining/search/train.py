@@ -119,7 +119,7 @@ class _Run:
     def policy(self) -> Policy:
         """The network, learnt from the examples so far."""
         plan = self.plan
-        examples = self.search.examples(self.model(), self.features, self.first, plan.portfolio)
+        examples = self.search.examples(self.model(), self.features, self.first, plan.portfolio, self.mixture.ground)
         hidden, seed = self.settings.ppo.hidden, self.seed("network")
         return clone(self.card, *examples, hidden, updates=plan.updates, batch=plan.batch, seed=seed)
 
@@ -171,7 +171,7 @@ def search_train(
         search.restore(progress.tensors)
         report("resumed", {"control_steps": progress.control_steps, "spared": 0})
     space = MacroSpace(len(learner.primitives), len(card.actions) - len(learner.primitives), plan.longest)
-    features = pair_features(state.values, state.names)
+    features = np.concatenate([pair_features(state.values, state.names), mixture.identity()], axis=1)
     run = _Run(
         task,
         learner,
