@@ -1,22 +1,27 @@
 """The output folder of a stage: what a person has in it stays, and a stopped run goes on.
 
 A stage refuses, before it computes anything, where it would write over a file that no stage has written. While it runs,
-a note in the folder names it: a run that was stopped knows from it that the files there are its own.
+a note in the folder names it: a run that was stopped knows from it that the files there are its own. Of two runs at
+once in one folder the second is refused; they are told apart on one machine, not on two that share a disk.
 """
 
 from __future__ import annotations
 
+import getpass
 import json
-from collections.abc import Mapping
-from contextlib import suppress
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, ClassVar
 
+from filelock import FileLock, Timeout
 from hydra.experimental.callback import Callback
 from omegaconf import DictConfig
 from omegaconf.errors import OmegaConfBaseException
 
-from p2l.artifacts import write_text
+from p2l.artifacts import config_hash, write_text
+from p2l.errors import ArtifactError
 from p2l.manifest import check_files
 from p2l.tracking import RUN_FILE
 
@@ -52,6 +57,28 @@ WRITES: Mapping[str, tuple[str, ...]] = {
     "report": ("index.html", "tables/*", "figures/*", "metrics.json", "headline.json"),
     "watch": ("*.mp4",),
 }  # fmt: skip
+
+
+@contextmanager
+def alone(out: Path) -> Iterator[None]:
+    """No other run is at work in the folder meanwhile; a run that is killed is at work no longer.
+
+    Raises:
+        ArtifactError: one is.
+    """
+    name = f"p2l-{getpass.getuser()}-{config_hash(str(out.resolve()))}.lock"
+    lock = FileLock(Path(tempfile.gettempdir()) / name)
+    try:
+        lock.acquire(timeout=0)
+    except Timeout:
+        raise ArtifactError(
+            f"{out}: another run is at work in this folder; wait until it has ended, or name another one "
+            "(hydra.run.dir)"
+        ) from None
+    try:
+        yield
+    finally:
+        lock.release()
 
 
 def claim(stage: str, out: Path) -> None:

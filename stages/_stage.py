@@ -41,7 +41,7 @@ from p2l.schema import StageConfig, paths_of, resolve, validate
 from p2l.text import printable
 from p2l.tracking import RunCard, Tracker, safe_uri, start
 from stages import ROOT, begin
-from stages._place import CONFIG_FILE, LOG_FILE, Stamps, claim, clear, release, stamps, written
+from stages._place import CONFIG_FILE, LOG_FILE, Stamps, alone, claim, clear, release, stamps, written
 from stages._stdout import listen
 from stages._wording import told_apart
 
@@ -186,7 +186,8 @@ def _job(
     before = stamps(out)
     _log_to(out)
     try:
-        _run(name, schema, function, config, out, finished, record)
+        with alone(out):
+            _run(name, schema, function, config, out, finished, record)
     except P2LError as error:
         _clear(out, before)
         print(f"{title}: {printable(str(error))}", file=sys.stderr)
@@ -251,8 +252,7 @@ def _run(
         return
     claim(name, out)
     plain = cfg.model_dump(mode="json")
-    if cfg.tracking.uri is not None:
-        plain["tracking"]["uri"] = safe_uri(cfg.tracking.uri)
+    plain["tracking"]["uri"] = cfg.tracking.uri and safe_uri(cfg.tracking.uri)
     card = RunCard(
         stage=name,
         world=cfg.subject,

@@ -278,6 +278,24 @@ def test_a_stop_is_two_lines_that_say_how_to_go_on_and_a_killed_run(number, code
     assert not (tmp_path / "out").exists()
 
 
+def test_of_two_runs_at_once_in_a_folder_the_second_is_refused(tmp_path):
+    """Both wrote checkpoints and tables there, each over the other's. A run that was killed is in nobody's way."""
+    out, words = tmp_path / "out", ["experiment=smoke", "world=pick_place", "tracking.enabled=false"]
+    words.append(f"hydra.run.dir={out}")
+    first = subprocess.Popen([sys.executable, "-m", "stages.discover", *words, "executions.train=100000"], cwd=ROOT)
+    while not (out / ".unfinished.json").exists():
+        assert first.poll() is None
+        time.sleep(0.1)
+    before = {file.name: file.read_bytes() for file in out.iterdir()}
+    second = run("discover", *words)
+    assert (second.returncode, second.stdout) == (2, "")
+    assert second.stderr.startswith(f"stage discover: {out}: another run is at work in this folder; wait until")
+    assert {file.name: file.read_bytes() for file in out.iterdir()} == before
+    first.kill()
+    first.wait()
+    assert run("discover", *words).returncode == 0
+
+
 def test_a_stopped_sweep_says_how_to_run_it_again_and_leaves_nothing_running(tmp_path):
     """The parent was FAILED and its jobs stayed RUNNING; later it said nothing of a command."""
     store = f"sqlite:///{tmp_path}/runs.db"
