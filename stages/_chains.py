@@ -17,6 +17,8 @@ from p2l.tracking import Tracker
 from stages._child import child
 from stages._progress import training
 
+NOTHING = "nothing that was tried recovered from any failure; give a larger budget, more failures, or longer macros"
+
 
 def chain_run(cfg: ChainRecoveriesConfig, name: str | None = None, seed: int | None = None) -> ChainRun:
     """One run: that of `learner`, or of one of those that are compared."""
@@ -79,6 +81,8 @@ def run_teller(track: Tracker) -> Callable[[RunKey, RunResult], None]:
     def tell(key: RunKey, learnt: RunResult) -> None:
         if not learnt.times:
             print(f"{key[0]} s{key[1]}: in the records already")
+        elif not learnt.rounds["done"].any():
+            print(f"{key[0]} s{key[1]}: {NOTHING}")
         numbers = {name: value for name, value in {**learnt.facts, **learnt.times}.items() if value is not None}
         track.metrics({f"{key[0]}/s{key[1]}/{name}": value for name, value in numbers.items()})
 
@@ -87,8 +91,11 @@ def run_teller(track: Tracker) -> Callable[[RunKey, RunResult], None]:
 
 def closing_line(learnt: RunResult) -> str:
     """What a person is told of a run that has ended."""
+    if not learnt.rounds["done"].any():
+        return NOTHING
     best, last = (learnt.facts[f"{which}_evaluation"] for which in ("best", "last"))
+    where = ", in all worlds that it practised in" if "success_everywhere" in learnt.evaluations else ""
     return (
-        f"the policy that is kept succeeded in {best:.0%} of its evaluation's episodes, the best of "
+        f"the policy that is kept succeeded in {best:.0%} of its evaluation's episodes{where}, the best of "
         f"{len(learnt.evaluations)} evaluations (the last: {last:.0%})"
     )

@@ -2,6 +2,7 @@
 
 import signal
 import time
+from collections.abc import Sequence
 from importlib.metadata import EntryPoint
 
 import pytest
@@ -97,6 +98,37 @@ def test_what_is_made_keeps_its_contract(pairs):
 
 
 NUMBER = 3
+
+
+class Sized:
+    """Two kinds of parameters; `broken` is a mistake of its own."""
+
+    def __init__(self, sizes: Sequence[float] = (1.0,), name: str = "", broken: bool = False) -> None:
+        self.sizes = len(sizes)
+        if broken:
+            self.sizes += name  # type: ignore[operator]
+
+
+@pytest.mark.parametrize(
+    ("params", "message"),
+    [
+        ({"sizes": 0.1}, r"thing 'sized': sizes must be a list of numbers, got 0\.1"),
+        ({"sizes": None, "name": 3}, r"name must be a word, got 3; sizes must be a list of numbers, got None"),
+    ],
+)
+def test_a_value_of_another_kind_is_one_message(params, message):
+    """It was a traceback from inside the world."""
+    things = Registry("thing", {"sized": lambda: Sized})
+    factory = things.factory_for("sized", params)
+    with pytest.raises(ConfigError, match=message), things.given("sized", factory, params):
+        factory(**params)
+
+
+def test_a_mistake_of_the_factory_keeps_its_traceback():
+    things = Registry("thing", {"sized": lambda: Sized})
+    params = {"sizes": [0.1], "broken": True}
+    with pytest.raises(TypeError, match="unsupported operand"), things.given("sized", Sized, params):
+        Sized(**params)
 
 
 def test_a_target_must_be_callable_and_its_module_importable(pairs, tmp_path, monkeypatch):

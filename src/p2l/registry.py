@@ -17,9 +17,11 @@ import inspect
 import re
 import sys
 import traceback
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import contextmanager
+from functools import partial
 from importlib.metadata import entry_points
-from typing import Any, Generic, TypeVar, cast
+from typing import Any, Generic, TypeVar, cast, get_type_hints
 
 from p2l.errors import ConfigError
 from p2l.stops import deferred_stops
@@ -138,6 +140,20 @@ class Registry(Generic[Factory]):
             raise ConfigError(f"{self.kind} '{name}': needs parameters {missing}; give them under params")
         return factory
 
+    @contextmanager
+    def given(self, name: str, factory: Callable[..., Any], params: Mapping[str, Any] | None) -> Iterator[None]:
+        """While `factory` is called with `params`: a `TypeError` is the person's where a value is of another kind.
+
+        Raises:
+            ConfigError: naming each parameter whose value is not of the kind that the factory is annotated with.
+        """
+        try:
+            yield
+        except TypeError as error:
+            if wrong := _of_another_kind(factory, params or {}):
+                raise ConfigError(f"{self.kind} '{name}': {'; '.join(wrong)}") from error
+            raise
+
     def expect(self, name: str, product: Product, contract: type[Any]) -> Product:
         """`product`, which the factory of `name` has made, if it keeps its contract.
 
@@ -170,6 +186,39 @@ class Registry(Generic[Factory]):
             if isinstance(error, AttributeError) and module in sys.modules:
                 raise ConfigError(f"{self.kind} '{target}': module '{module}' has no '{attribute}'") from error
             raise ConfigError(f"{self.kind} '{target}': {_importing(module, error)}") from error
+
+
+_KINDS = {
+    "float": "a number",
+    "int": "a whole number",
+    "bool": "true or false",
+    "str": "a word",
+    "Sequence[float]": "a list of numbers",
+    "Sequence[str]": "a list of words",
+}
+
+
+def _of_another_kind(factory: Callable[..., Any], params: Mapping[str, Any]) -> list[str]:
+    """What to tell of every parameter whose value does not fit its annotation."""
+    from pydantic import PydanticSchemaGenerationError, PydanticUserError, TypeAdapter, ValidationError
+
+    while isinstance(factory, partial):
+        factory = factory.func
+    try:
+        hints = get_type_hints(factory.__init__ if isinstance(factory, type) else factory)  # type: ignore[misc]
+    except (NameError, TypeError):  # of names that only a type checker knows
+        return []
+    wrong = []
+    for name in sorted(set(params) & set(hints)):
+        try:
+            TypeAdapter(hints[name]).validate_python(params[name])
+        except ValidationError:
+            hint = hints[name]
+            plain = hint.__name__ if isinstance(hint, type) else str(hint).replace("collections.abc.", "")
+            wrong.append(f"{name} must be {_KINDS.get(plain, plain)}, got {params[name]!r}")
+        except (PydanticSchemaGenerationError, PydanticUserError):
+            continue
+    return wrong
 
 
 _SCREEN = (

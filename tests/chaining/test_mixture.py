@@ -17,6 +17,7 @@ from p2l.chaining.search.train import search_train
 from p2l.chaining.search.trials import run_trials
 from p2l.chaining.states import first_state
 from p2l.chaining.train import TrainSettings, card_of, summary
+from p2l.contracts.observation import Observation
 from p2l.errors import ConfigError
 from p2l.skills.primitives import PRIMITIVES
 
@@ -31,12 +32,12 @@ def varied(task):
 
 @pytest.fixture
 def mixture(varied):
-    others = [varied.vary({"sigma_m": sigma_m}) for sigma_m in (0.02, 0.05)]
+    others = {name: varied.vary({"sigma_m": sigma_m}) for name, sigma_m in (("better", 0.02), ("worse", 0.05))}
     return mixture_of(varied, others, 60, varied.failures.take(range(8)))
 
 
 def test_one_world_keeps_its_failures_in_order(varied):
-    alone = mixture_of(varied, [], 60, varied.failures.take(range(3)))
+    alone = mixture_of(varied, {}, 60, varied.failures.take(range(3)))
     assert_array_equal(alone.row, np.arange(len(varied.failures)))
     assert not alone.ground.any()
     assert [len(one.failures) for one in alone.apart] == [3]
@@ -103,5 +104,29 @@ def test_a_mixture_that_is_none_is_refused_before_anything_runs(task, varied):
     refused(r"search: mixture\.worse: .*sigma_m", varied, {"worse": {"sigma_m": -1.0}})
     refused(r"executions must be an integer of at least 1, got 0", varied, {}, executions=0)
     never = varied.vary({"sigma_m": 0.0})
-    with pytest.raises(ConfigError, match=r"did not fail in 5 executions of its world 1; leave it out, or give more"):
-        mixture_of(varied, [never], 5, varied.failures.take([0]))
+    both = {"sure": never, "certain": never}
+    with pytest.raises(ConfigError, match=r"in 5 executions of the mixture's sure, certain; leave .* or give more"):
+        mixture_of(varied, both, 5, varied.failures.take([0]))
+
+
+def test_a_world_whose_columns_lie_elsewhere_may_be_in_a_mixture(varied):
+    """Another arm has other joints: every field after its angles lies elsewhere, and it was refused for all of them."""
+
+    class Wider(Push):
+        """Observes a further field before all others."""
+
+        def observe(self, rows):
+            seen = super().observe(rows)
+            fields = {"more_m": np.zeros((len(rows), 2))} | {name: seen[name] for name in seen.columns}
+            return Observation.of(fields)
+
+    of = replace(varied, vary=lambda differs: Wider(**{"nthread": 1, "sigma_m": 0.03, **differs}))
+    fields = tuple(varied.world.observe(varied.failures.take([0])).columns)
+    mixture = {"mixture": {"wider": {"sigma_m": 0.03}}}
+    learner = make_learner("search", of, Limits(fields=fields), mixture)
+    assert_array_equal(
+        first_state(learner.others["wider"], varied.failures, learner.limits).values,
+        first_state(varied.world, varied.failures, learner.limits).values,
+    )
+    with pytest.raises(ConfigError, match=r"mixture\.wider: that world does not observe the task's fields alone"):
+        make_learner("search", of, Limits(), mixture)

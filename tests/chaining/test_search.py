@@ -13,7 +13,7 @@ from p2l.chaining.learners.table import make_learner
 from p2l.chaining.mdp import Limits
 from p2l.chaining.ppo import PPOSettings
 from p2l.chaining.search import train as search_module
-from p2l.chaining.search.macros import MacroSpace, macro_of, padded
+from p2l.chaining.search.macros import MacroSpace, load_macros, macro_of, padded
 from p2l.chaining.search.model import OutcomeTable, SuccessModel, pair_features
 from p2l.chaining.search.network import clone
 from p2l.chaining.search.proposals import DEPTH, FEWEST, RoundPlan, promising, propose
@@ -291,6 +291,35 @@ def test_a_search_that_was_killed_comes_to_the_same_policy_to_the_bit_and_recove
     ]
     assert others.success.mean() >= 0.9 * max(alike) > 0.3
     assert {kind for kind, _ in rows} == {"round", "evaluation"}
+
+
+def test_a_search_that_finds_nothing_is_a_result_too(task, tmp_path):
+    """It was an error after all the compute, and the other learners and seeds of a comparison were lost with it."""
+    learner = make_learner("search", task, Limits(), {"trials": 1, "updates": 2000, "longest": 4})
+    settings = TrainSettings(5, 8, 600, 4, PPOSettings(n_steps=24, batch_size=12, hidden=(16,)))
+    card = card_of(task, learner, "search", "hash")
+    apart = task.failures.take(range(4))
+    done = search_train(task, learner, learner.search, apart, settings, card, tmp_path, lambda *row: None)
+    assert not any(row["done"] for row in done.rounds)
+    assert len(done.evaluations) == 1
+    agent, policy = load_agent(tmp_path, task.world, task.nominal, task.failures)
+    [macro] = load_macros(tmp_path, policy.card.actions, 9)
+    assert set(agent.act(first_state(task.world, task.failures, Limits()).values)) == {macro[0]}
+
+
+def test_a_search_that_has_found_nothing_yet_goes_on_where_it_was_killed(task, tmp_path):
+    """Its first checkpoint waited for the first recovery."""
+    learner = make_learner("search", task, Limits(), {"trials": 3, "updates": 10, "longest": 4})
+    settings = TrainSettings(20, 8, 600, 4, PPOSettings(n_steps=24, batch_size=12, hidden=(16,)))
+    card = card_of(task, learner, "search", "hash")
+    run = learner, learner.search, task.failures.take(range(4)), settings, card, tmp_path
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(search_module._Run, "evaluate", lambda run: (_ for _ in ()).throw(KilledError))
+        with pytest.raises(KilledError):
+            search_train(task, *run, lambda *row: None)
+    kinds = []
+    search_train(task, *run, lambda kind, row: kinds.append(kind))
+    assert kinds == ["resumed", "evaluation"]
 
 
 def test_a_round_that_is_larger_than_the_budget_is_cut_to_it(task, tmp_path):

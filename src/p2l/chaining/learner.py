@@ -80,7 +80,7 @@ class Learner:
         whole_task: the policy acts from the task's start, without the nominal controllers.
         running_normalisation: observations are standardised over all that is met, not over the start states alone.
         search: macros are searched, and no policy gradient is taken.
-        others: worlds whose failures a search practises on besides the task's.
+        others: worlds, by name, whose failures a search practises on besides the task's.
         told: numbers for the reader of the policy's card and of the run's summary: what was done before training.
 
     Raises:
@@ -97,7 +97,7 @@ class Learner:
     whole_task: bool = False
     running_normalisation: bool = False
     search: SearchSettings | None = None
-    others: tuple[World, ...] = ()
+    others: Mapping[str, World] = field(default_factory=dict)
     told: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

@@ -52,4 +52,7 @@ def make_domain(name: str, params: Mapping[str, Any] | None = None) -> Domain:
         >>> len(lego.sample_set(np.random.default_rng(0), 10))
         10
     """
-    return DOMAINS.expect(name, DOMAINS.factory_for(name, params)(**dict(params or {})), Domain)
+    factory = DOMAINS.factory_for(name, params)
+    with DOMAINS.given(name, factory, params):
+        made = factory(**dict(params or {}))
+    return DOMAINS.expect(name, made, Domain)

@@ -61,7 +61,9 @@ def plan(
     limit_s, gap = check_stopping(time_limit_s, gap)
     start = time.perf_counter()
     stop = StoppingRule(start + limit_s * (1.0 - _FINISH), gap)
-    result = PLANNERS.expect(planner, route(problem, stop, **options), PlannerResult)
+    with PLANNERS.given(planner, route, options):
+        made = route(problem, stop, **options)
+    result = PLANNERS.expect(planner, made, PlannerResult)
     _check_result(problem, planner, result)
     return _plan(problem, planner, result, stop, start)
 

@@ -55,7 +55,10 @@ def make_world(name: str, params: Mapping[str, Any] | None = None) -> World:
         >>> [option.name for option in world.nominal_options()]
         ['reach_and_grasp', 'rotate_handle', 'pull_handle']
     """
-    world = WORLDS.expect(name, WORLDS.factory_for(name, params)(**dict(params or {})), World)
+    factory = WORLDS.factory_for(name, params)
+    with WORLDS.given(name, factory, params):
+        made = factory(**dict(params or {}))
+    world = WORLDS.expect(name, made, World)
     module = (WORLDS.target(name) or "").partition(":")[0]
     if module and module != type(world).__module__ and isinstance(vars(world).get("digest"), str):
         # What a function does to a world after it was made is in the function's code alone.

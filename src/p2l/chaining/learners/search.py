@@ -10,6 +10,7 @@ import numpy as np
 from p2l.chaining.learner import ChainTask, Learner
 from p2l.chaining.mdp import Limits
 from p2l.chaining.search_settings import SearchSettings
+from p2l.contracts.observation import Observation
 from p2l.contracts.world import World
 from p2l.errors import ConfigError, P2LError
 
@@ -43,7 +44,7 @@ def learner(
             mixture is refused or observes something else.
     """
     plan = SearchSettings(trials, portfolio, longest, updates, executions=executions)
-    others = tuple(_other(task, limits, name, differs) for name, differs in _named(mixture).items())
+    others = {name: _other(task, limits, name, differs) for name, differs in _named(mixture).items()}
     return Learner(limits, task.failures, search=plan, others=others)
 
 
@@ -71,9 +72,15 @@ def _other(task: ChainTask, limits: Limits, name: str, differs: Mapping[str, Any
         world = task.vary(differs)
     except P2LError as error:
         raise ConfigError(f"search: mixture.{name}: {error}") from error
-    own = task.world.observe(task.failures.take([0])).columns
-    there = world.observe(world.sample(np.random.default_rng(0), 1)).columns
+    own = _sizes(task.world.observe(task.failures.take([0])))
+    there = _sizes(world.observe(world.sample(np.random.default_rng(0), 1)))
     lost = [field for field in limits.fields or own if own[field] != there.get(field)]
-    if lost or (not limits.fields and own != there):
-        raise ConfigError(f"search: mixture.{name}: that world does not observe {', '.join(lost) or 'the same'}")
+    if lost or (not limits.fields and list(own.items()) != list(there.items())):
+        what = ", ".join(f"{field} ({there[field]} columns)" if field in there else field for field in lost)
+        raise ConfigError(f"search: mixture.{name}: that world does not observe the task's {what or 'fields alone'}")
     return world
+
+
+def _sizes(seen: Observation) -> dict[str, int]:
+    """Columns of each field; where they lie is another matter, and differs with the joints of an arm."""
+    return {field: place.stop - place.start for field, place in seen.columns.items()}

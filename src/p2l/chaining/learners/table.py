@@ -67,5 +67,7 @@ def make_learner(name: str, task: ChainTask, limits: Limits, params: Mapping[str
     from p2l.chaining.learner import Learner
 
     factory = LEARNERS.factory_for(name, params, own=2)
-    learner = LEARNERS.expect(name, factory(task, limits, **dict(params or {})), Learner)
+    with LEARNERS.given(name, factory, params):
+        made = factory(task, limits, **dict(params or {}))
+    learner = LEARNERS.expect(name, made, Learner)
     return learner if learner.primitives else replace(learner, primitives=task.world.primitives())

@@ -89,7 +89,7 @@ class SearchMemory:
             portfolio: macros that are chosen among.
             ground: [N] the world of each failure.
         """
-        macros = self.table.winners(portfolio)
+        macros = self.chosen_among(portfolio)
         place = {macro: column for column, macro in enumerate(macros)}
         rates = np.array([self.table.rate(macro) for macro in macros])
         beliefs = np.tile(rates, (len(features), 1)) if model is None else model.probability(features, macros)
@@ -111,6 +111,10 @@ class SearchMemory:
             counts.append(np.full(len(way), LOST if near and not self.table.succeeded(failure, macro) else 1.0))
         return np.concatenate(states), np.concatenate(taken), np.concatenate(counts)
 
+    def chosen_among(self, portfolio: int) -> list[Macro]:
+        """The macros that recovered from most failures; the first one that was tried, where none recovered from any."""
+        return self.table.winners(portfolio) or self.table.macro[:1]
+
     def save_macros(self, folder: Path, actions: Sequence[str], portfolio: int) -> None:
         """Write `macros.json`: the macros that are chosen among, the one that recovers from most failures first.
 
@@ -119,7 +123,7 @@ class SearchMemory:
             actions: names of all of the policy's.
             portfolio: how many.
         """
-        table, macros = self.table, self.table.winners(portfolio)
+        table, macros = self.table, self.chosen_among(portfolio)
         counts = [table.counts(macro) for macro in macros]
         content = {
             "macros": [";".join(actions[action] for action in macro) for macro in macros],

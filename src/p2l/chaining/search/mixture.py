@@ -8,7 +8,7 @@ Axis letters: N failures of all worlds, T trials, D decisions, O state columns, 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -96,34 +96,38 @@ class PracticeGrounds:
         return MacroTrials(np.asarray(failure), actions, states, success, steps, timeouts)
 
 
-def mixture_of(task: ChainTask, others: Sequence[World], executions: int, evaluation: Rows) -> PracticeGrounds:
+def mixture_of(task: ChainTask, others: Mapping[str, World], executions: int, evaluation: Rows) -> PracticeGrounds:
     """The failures of a task and of other worlds, where the nominal skills run `executions` times each.
 
     Of the others' failures as many are set apart, all together, as of the task's own.
 
     Args:
         task: of the policy.
-        others: further worlds.
+        others: further worlds, by name.
         executions: in each of them.
         evaluation: failures of the task that are set apart already.
 
     Raises:
-        ConfigError: the nominal skills did not fail in one of them.
+        ConfigError: the nominal skills did not fail in some of them.
     """
     training, apart = [Ground(task.world, task.nominal, task.failures)], [Ground(task.world, task.nominal, evaluation)]
-    for index, world in enumerate(others):
+    harmless = []
+    for index, (name, world) in enumerate(others.items()):
         nominal = world.nominal_options()
         rng = generator(task.seed, "chain_recoveries", task.world.name, "mixture", str(index))
         last = nominal_part(world, nominal, world.sample(rng, executions), slots=SLOTS).last
         flagged = last.kind != NO_FAILURE
         if not flagged.any():
-            raise ConfigError(
-                f"mixture: the nominal skills did not fail in {executions} executions of its world {index + 1}; leave "
-                "it out, or give more (learner.params.executions)"
-            )
+            harmless.append(name)
+            continue
         parts = split(last.rows.take(flagged), max(len(evaluation) // len(others), 1), task.seed, world.name)
         training.append(Ground(world, nominal, parts.training))
         apart.append(Ground(world, nominal, parts.evaluation))
+    if harmless:
+        raise ConfigError(
+            f"search: the nominal skills did not fail in {executions} executions of the mixture's "
+            f"{', '.join(harmless)}; leave that out, or give more (learner.params.executions)"
+        )
     ground = np.repeat(np.arange(len(training)), [len(one.failures) for one in training])
     row = np.concatenate([np.arange(len(one.failures)) for one in training])
     if others:  # the first failures are tried first, see `proposals`

@@ -34,7 +34,6 @@ from p2l.chaining.search_settings import SearchSettings
 from p2l.chaining.selection import judge_and_keep
 from p2l.chaining.train import TrainSettings
 from p2l.contracts.rows import Rows
-from p2l.errors import ConfigError
 from p2l.records import Array
 from p2l.seeding import entropy, generator
 
@@ -125,16 +124,19 @@ class _Run:
 
     def evaluate(self) -> None:
         """Learn the network, let it act on failures set apart, keep the best, and what the search remembers."""
-        if not any(self.search.table.success):
-            return
         progress, start_s = self.progress, self.seconds()
         row = judge_and_keep(self.policy(), self.learner, self.mixture.apart, progress, self.folder)
         progress.evaluation_seconds += self.seconds() - start_s
+        self.search.save_macros(self.folder, self.card.actions, self.plan.portfolio)
+        self.remember()
+        self.report("evaluation", {**row, "seconds": progress.seconds})
+
+    def remember(self) -> None:
+        """Write what a run that is killed goes on from."""
+        progress = self.progress
         progress.seconds = self.seconds()
         progress.tensors = self.search.tensors(self.learner.limits.decisions)
-        self.search.save_macros(self.folder, self.card.actions, self.plan.portfolio)
         save_checkpoint(self.folder, progress, self.card)
-        self.report("evaluation", {**row, "seconds": progress.seconds})
 
     def seconds(self) -> float:
         """Wall time of the run, those before an interruption included."""
@@ -158,8 +160,8 @@ def search_train(
 ) -> Progress:
     """Search up to the budget; writes the best policy to `folder`. See `p2l.chaining.train.train` for the arguments.
 
-    Raises:
-        ConfigError: nothing that was tried recovered from any failure.
+    Where nothing that was tried recovers from any failure, the policy does what was tried first: that is a result, too,
+    and a comparison over seeds that left it out would be flattered.
     """
     progress = load_checkpoint(folder, card) or Progress()
     torch.set_num_threads(1)  # the network is small, and sums depend on the number of threads
@@ -193,13 +195,10 @@ def search_train(
         if not proposed:
             break
         run.round(proposed)
-        if run.is_due():
+        if any(search.table.success) and run.is_due():
             run.evaluate()
+        elif not progress.evaluations:
+            run.remember()
     if not progress.evaluations or progress.evaluations[-1]["control_steps"] < progress.control_steps:
         run.evaluate()
-    if not progress.evaluations:
-        raise ConfigError(
-            f"search: none of {len(search.table)} trials, {progress.control_steps} control steps, recovered from any "
-            f"failure of world '{task.world.name}'; give it a larger budget, or longer macros (learner.params.longest)"
-        )
     return progress

@@ -46,7 +46,8 @@ def make_chooser(name: str, params: Mapping[str, Any] | None = None) -> Chooser:
     factory = CHOOSERS.factory_for(name, settings, also=["initial_rounds"])
     initial_rounds = settings.pop("initial_rounds", 0)
     check_number(f"{name}: initial_rounds", initial_rounds, low=0, whole=True)
-    rule = factory(**settings)
+    with CHOOSERS.given(name, factory, settings):
+        rule = factory(**settings)
     if not callable(rule):
         raise ConfigError(f"chooser '{name}': makes a {type(rule).__name__}, which is no rule; see docs/recoveries.md")
     return Chooser(name, rule, initial_rounds)
