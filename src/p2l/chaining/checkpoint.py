@@ -65,8 +65,8 @@ def load_checkpoint(folder: Path, card: Card) -> Progress | None:
         ) from error
     if metadata.pop("config_hash") != card.config_hash:
         raise ArtifactError(
-            f"{folder / FILE}: left by a run with another configuration; delete it to start over, or choose another "
-            "folder (hydra.run.dir=…)"
+            f"{folder / FILE}: left by a run with another configuration; delete it, {FILE}.json and the policy beside "
+            "it to start over, or choose another folder (hydra.run.dir=…)"
         )
     return Progress(**metadata, tensors=tensors)
 
