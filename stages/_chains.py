@@ -17,7 +17,7 @@ from p2l.tracking import Tracker
 from stages._child import child
 from stages._progress import training
 
-NOTHING = "nothing that was tried recovered from any failure; give a larger budget, more failures, or longer macros"
+NOTHING = "nothing that it tried while it learnt ended in success; a larger budget may help"
 
 
 def chain_run(cfg: ChainRecoveriesConfig, name: str | None = None, seed: int | None = None) -> ChainRun:
@@ -91,11 +91,9 @@ def run_teller(track: Tracker) -> Callable[[RunKey, RunResult], None]:
 
 def closing_line(learnt: RunResult) -> str:
     """What a person is told of a run that has ended."""
-    if not learnt.rounds["done"].any():
-        return NOTHING
     best, last = (learnt.facts[f"{which}_evaluation"] for which in ("best", "last"))
     where = ", in all worlds that it practised in" if "success_everywhere" in learnt.evaluations else ""
     return (
         f"the policy that is kept succeeded in {best:.0%} of its evaluation's episodes{where}, the best of "
         f"{len(learnt.evaluations)} evaluations (the last: {last:.0%})"
-    )
+    ) + ("" if learnt.rounds["done"].any() else f"; {NOTHING}")

@@ -7,8 +7,8 @@ once in one folder the second is refused; they are told apart on one machine, no
 
 from __future__ import annotations
 
-import getpass
 import json
+import os
 import tempfile
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -66,7 +66,7 @@ def alone(out: Path) -> Iterator[None]:
     Raises:
         ArtifactError: one is.
     """
-    name = f"p2l-{getpass.getuser()}-{config_hash(str(out.resolve()))}.lock"
+    name = f"p2l-{os.getuid()}-{config_hash(str(out.resolve()))}.lock"
     lock = FileLock(Path(tempfile.gettempdir()) / name)
     try:
         lock.acquire(timeout=0)

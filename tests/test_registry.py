@@ -5,6 +5,7 @@ import time
 from collections.abc import Sequence
 from importlib.metadata import EntryPoint
 
+import numpy as np
 import pytest
 
 from p2l import registry
@@ -126,7 +127,7 @@ def test_a_value_of_another_kind_is_one_message(params, message):
 
 def test_a_mistake_of_the_factory_keeps_its_traceback():
     things = Registry("thing", {"sized": lambda: Sized})
-    params = {"sizes": [0.1], "broken": True}
+    params = {"sizes": np.array([0.1]), "broken": True}
     with pytest.raises(TypeError, match="unsupported operand"), things.given("sized", Sized, params):
         Sized(**params)
 

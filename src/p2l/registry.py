@@ -211,7 +211,8 @@ def _of_another_kind(factory: Callable[..., Any], params: Mapping[str, Any]) -> 
     wrong = []
     for name in sorted(set(params) & set(hints)):
         try:
-            TypeAdapter(hints[name]).validate_python(params[name])
+            value = params[name]  # an array is a list of numbers
+            TypeAdapter(hints[name]).validate_python(value.tolist() if hasattr(value, "tolist") else value)
         except ValidationError:
             hint = hints[name]
             plain = hint.__name__ if isinstance(hint, type) else str(hint).replace("collections.abc.", "")
