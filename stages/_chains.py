@@ -15,7 +15,7 @@ from p2l.chaining.train import TrainSettings
 from p2l.schema import ChainRecoveriesConfig
 from p2l.tracking import Tracker
 from stages._child import child
-from stages._progress import training
+from stages._progress import say, training
 
 NOTHING = "nothing that it tried while it learnt ended in success; a larger budget may help"
 
@@ -27,7 +27,7 @@ def chain_run(cfg: ChainRecoveriesConfig, name: str | None = None, seed: int | N
     budget, every = round(one.budget * one.learner.budget_share), one.learner.evaluate_every or one.evaluation.every
     return ChainRun(
         item=one.item,
-        name=name or one.learner.name,
+        name=name or one.learner.title,
         learner=one.learner.key,
         params=one.learner.params,
         seed=one.seed,
@@ -45,6 +45,7 @@ class _RunObserver:
 
     track: Tracker
     show: Callable[[int, float | None], None]
+    title: str
 
     def row(self, kind: str, row: Mapping[str, float]) -> None:
         """See `Observer`."""
@@ -57,10 +58,23 @@ class _RunObserver:
         self.track.metrics({f"{kind}/{name}": value for name, value in numbers.items()}, step=steps)
         if kind == "round":
             self.show(charged, row["done"] / max(row["ended"], 1))
+        else:
+            say(f"{self.title}: {charged:,} steps, the policy succeeds in {evaluated(row)}")
 
     def note(self, text: str) -> None:
         """See `Observer`."""
         self.track.note(text)
+
+
+def evaluated(row: Mapping[str, float]) -> str:
+    """An evaluation in words: success in the task's world, and in each of a mixture's."""
+    there = {name.partition(":")[2]: value for name, value in row.items() if name.startswith("success:")}
+    worlds = f"; {row['success_everywhere']:.0%} with {_worlds(there)}" if there else ""
+    return f"{row['success']:.0%} of {row['episodes']:.0f} episodes{worlds}"
+
+
+def _worlds(success: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} {value:.0%}" for name, value in success.items())
 
 
 def run_observer(cfg: ChainRecoveriesConfig, track: Tracker, *, alone: bool = False) -> OpenObserver:
@@ -69,8 +83,9 @@ def run_observer(cfg: ChainRecoveriesConfig, track: Tracker, *, alone: bool = Fa
     @contextmanager
     def observer(one: ChainRun, folder: Path) -> Iterator[Observer]:
         mine = nullcontext(track) if alone else child(track, cfg, "chain_recoveries", one.name, one.seed, folder)
-        with mine as tracker, training(f"{cfg.item} {one.name} s{one.seed}", one.settings.budget) as show:
-            yield _RunObserver(tracker, show)
+        title = f"{cfg.item} {one.name} s{one.seed}"
+        with mine as tracker, training(title, one.settings.budget) as show:
+            yield _RunObserver(tracker, show, title)
 
     return observer
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
@@ -51,6 +52,11 @@ def late_counter(title: str, unit: str) -> Iterator[Callable[[int], Callable[[in
             return show
 
         yield begin
+
+
+def say(line: str) -> None:
+    """A line of standard output, above the bar that is shown."""
+    tqdm.write(line, file=sys.stdout)
 
 
 @contextmanager

@@ -88,8 +88,13 @@ def test_a_search_in_several_worlds_is_judged_in_all_of_them(varied, tmp_path):
     assert {row["episodes"] for row in done.evaluations} == {4}  # `success` is that of the task itself
     assert done.best == max(row["success_everywhere"] for row in done.evaluations) > 0.0
     assert summary(done)["last_evaluation"] == done.evaluations[-1]["success_everywhere"]  # comparable with the best
-    agent, _ = load_agent(tmp_path, varied.world, varied.nominal, varied.failures)
+    for row in done.evaluations:  # of the two worlds, with as many failures set apart
+        assert row["success_everywhere"] == pytest.approx((row["success"] + row["success:worse"]) / 2)
+    assert done.told["failures:worse"] > done.told["set_apart:worse"] == 4
+    agent, policy = load_agent(tmp_path, varied.world, varied.nominal, varied.failures)
     assert agent.limits == Limits()
+    kept = max(done.evaluations, key=lambda row: (row["success_everywhere"], row["control_steps"]))
+    assert policy.card.told["success:worse"] == kept["success:worse"]
 
 
 def test_a_mixture_that_is_none_is_refused_before_anything_runs(task, varied):

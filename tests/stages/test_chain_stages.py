@@ -93,7 +93,8 @@ def run(name, out, track=None, **changes):
 
 def learn(found, out, learner="rc", **changes):
     params = {"trajectories": 60, "every": 2} if learner == "pp" else {}
-    settings = {"learner": {"name": learner, "params": params}, "budget": 600, "slots": 8, **changes}
+    one = learner if isinstance(learner, dict) else {"name": learner, "params": params}
+    settings = {"learner": one, "budget": 600, "slots": 8, **changes}
     run("chain_recoveries", out, failures=str(found / "failures_train.npz"), **settings)
 
 
@@ -225,7 +226,7 @@ def test_every_level_of_uncertainty_is_judged_with_the_policies_learnt_under_it(
     shutil.copytree(learnt / "run", tmp_path / "run")
     ablation = {"learner": "rc", "variants": {"double": {"sigma_m": 0.06}}}
     given = {"learners": ["rc"], "records": str(tmp_path / "records"), "ablation": ablation}
-    with pytest.raises(ArtifactError, match=r"run_double/policies/rc/s0.*no such artifact"):
+    with pytest.raises(ArtifactError, match=r"run_double: holds no policy of rc s0; it has none"):
         evaluate(tmp_path, tmp_path / "a", **given)
     noisy = {"name": "push", "params": {"sigma_m": 0.06, "nthread": 1}}
     executions = {"train": 20, "held_out": 4}
@@ -251,13 +252,59 @@ def test_a_policy_of_another_variant_is_refused_before_anything_is_run(learnt, t
     other = {"name": "push", "params": {"sigma_m": 0.01, "nthread": 1}}
     with pytest.raises(ArtifactError, match="other parameters or code"):
         evaluate(learnt, tmp_path, world=other, learners=["rc"])
-    with pytest.raises(ArtifactError, match=r"s7/policy\.safetensors.*no such artifact"):
+    with pytest.raises(ArtifactError, match=r"holds no policy of rc s7; it has pp s0, rc s0"):
         evaluate(learnt, tmp_path, learners=["rc"], seeds=[7])
     (tmp_path / "run").mkdir()
     shutil.copytree(learnt / "run" / "policies", tmp_path / "run" / "policies")
     with pytest.raises(ArtifactError, match=r"rounds\.csv: cannot be read"):
         evaluate(tmp_path, tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["run"]
+
+
+def test_policies_that_are_missing_are_all_named_with_those_that_are_there(learnt, tmp_path):
+    with pytest.raises(
+        ArtifactError, match=r"no policy of rc s4, lazy_rc s0 s4; it has pp s0, rc s0\. Train .*=\[lazy_rc,rc\]"
+    ):
+        evaluate(learnt, tmp_path, learners=["rc", "lazy_rc"], seeds=[0, 4])
+    with pytest.raises(ArtifactError, match=r"run_half: holds no policy of rc s0; it has none"):
+        evaluate(learnt, tmp_path, ablation={"learner": "rc", "variants": {"half": {}}})
+    assert not any(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("place", "section"),
+    [
+        (
+            "transfer.learners",
+            {"transfer": {"learners": ["rc", "serch"], "failures": 0, "robosuite_failures": 0, "variants": {}}},
+        ),
+        ("reuse.learners", {"reuse": {"learners": ["serch"], "nominal_runs": 4}}),
+        ("ceiling.learner", {"ceiling": {"learner": "serch", "macros": 4}}),
+        ("ablation.learner", {"ablation": {"learner": "serch", "variants": {}}}),
+    ],
+)
+def test_a_name_that_no_learner_has_is_a_mistake_and_not_a_table_left_out(learnt, tmp_path, place, section):
+    with pytest.raises(ConfigError, match=rf"{place} names serch, .*known: rc, pp, lazy_rc, rl, search, search_mixed"):
+        evaluate(learnt, tmp_path, **section)
+
+
+def test_every_evaluation_is_told_while_it_learns(found, tmp_path, capsys):
+    learn(found, tmp_path, learner="search", budget=900, evaluation={"every": 300, "episodes": 4})
+    told = [line for line in capsys.readouterr().out.splitlines() if line.startswith("push search s0: ")]
+    table = pd.read_csv(tmp_path / "evaluations.csv")
+    assert [int(line.split()[3].replace(",", "")) for line in told] == table["control_steps"].tolist()
+    assert told[-1].endswith(f"succeeds in {table['success'].iloc[-1]:.0%} of 4 episodes")
+
+
+def test_a_search_in_several_worlds_has_a_name_of_its_own_and_tells_each(found, tmp_path, capsys):
+    params = {"mixture": {"worse": {"sigma_m": 0.05}}, "executions": 40, "trials": 16, "updates": 20}
+    learner = {"name": "search", "params": params}
+    learn(found, tmp_path, learner=learner, budget=900, evaluation={"every": 300, "episodes": 4})
+    assert "push search_mixed s0: " in (out := capsys.readouterr().out)
+    assert re.search(r"of 4 episodes; \d+% with worse \d+%", out)
+    assert load_policy(tmp_path).card.learner == "search_mixed"
+    summary = json.loads((tmp_path / "summary.json").read_text())
+    assert summary["failures:worse"] > summary["set_apart:worse"] == 4
 
 
 def test_what_cannot_be_learnt_from_is_refused(found, tmp_path):
@@ -296,7 +343,7 @@ def test_a_checkpoint_of_another_configuration_is_refused(found, tmp_path, monke
     file = tmp_path / "checkpoint.safetensors"
     whole = file.read_bytes()
     file.write_bytes(whole[:-9])
-    with pytest.raises(ArtifactError, match=r"checkpoint\.safetensors: damaged; delete it and .*to start"):
+    with pytest.raises(ArtifactError, match=r"checkpoint\.safetensors: damaged, or .*; delete it and .*to start"):
         learn(found, tmp_path)
     file.write_bytes(whole)
     learn(found, tmp_path)

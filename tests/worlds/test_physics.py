@@ -110,5 +110,5 @@ def test_a_scale_of_one_is_the_same_world_and_others_are_others(name):
     assert digests[0] == digests[1]
     assert len(set(digests)) == 3
     for bad in (0.0, -1.0, float("inf")):
-        with pytest.raises(ConfigError, match="gain_scale must be a positive number"):
+        with pytest.raises(ConfigError, match=r"gain_scale must be a factor from 0\.1 to 10"):
             make_world(name, {"gain_scale": bad})

@@ -31,6 +31,7 @@ class Progress:
         rounds: one row per rollout.
         evaluations: one row per evaluation.
         tensors: weights and the optimiser's state.
+        told: numbers for the reader of the run's summary, of what was done besides.
     """
 
     control_steps: int = 0
@@ -41,6 +42,7 @@ class Progress:
     rounds: list[dict[str, Any]] = field(default_factory=list)
     evaluations: list[dict[str, Any]] = field(default_factory=list)
     tensors: dict[str, torch.Tensor] = field(default_factory=dict)
+    told: dict[str, float] = field(default_factory=dict)
 
 
 def save_checkpoint(folder: Path, progress: Progress, card: Card) -> None:
@@ -53,7 +55,7 @@ def load_checkpoint(folder: Path, card: Card) -> Progress | None:
     """The checkpoint in `folder`, or None if there is none.
 
     Raises:
-        ArtifactError: damaged, or written by another configuration.
+        ArtifactError: damaged, something else, or written by another configuration.
     """
     if not (folder / FILE).is_file():
         return None
@@ -61,7 +63,8 @@ def load_checkpoint(folder: Path, card: Card) -> Progress | None:
         tensors, metadata = load_network(folder / FILE, schema=SCHEMA)
     except ArtifactError as error:
         raise ArtifactError(
-            f"{folder / FILE}: damaged; delete it and {FILE}.json to start this run over, or put back a copy"
+            f"{folder / FILE}: damaged, or of something else; delete it and {FILE}.json to start this run over, "
+            "put back a copy, or choose another folder (hydra.run.dir=…)"
         ) from error
     if metadata.pop("config_hash") != card.config_hash:
         raise ArtifactError(

@@ -64,6 +64,32 @@ def policy_place(folder: Path, learner: str, seed: int) -> Path:
     return folder if not place.exists() and (folder / FILE).is_file() else place
 
 
+def check_policies(folder: Path, learners: Sequence[str], seeds: Sequence[int]) -> None:
+    """Refuse a folder of `chain_recoveries` in which policies are missing: all of them are named, and those there are.
+
+    Raises:
+        ArtifactError: they are.
+    """
+    if not (folder / "policies").is_dir() and (folder / FILE).is_file():
+        return
+    there = sorted(place.parent for place in (folder / "policies").glob(f"*/s*/{FILE}.json"))
+    wanted = [folder / "policies" / name / f"s{seed}" for name in learners for seed in seeds]
+    if missing := [place for place in wanted if place not in there]:
+        names = sorted({place.parent.name for place in missing})
+        raise ArtifactError(
+            f"{folder}: holds no policy of {_runs(missing)}; it has {_runs(there) or 'none'}. Train them with "
+            f"`python -m stages.chain_recoveries … compare=[{','.join(names)}]`, or leave them out (learners=, seeds=)"
+        )
+
+
+def _runs(places: Sequence[Path]) -> str:
+    """The learner and the seed of policies, for a message."""
+    seeds: dict[str, list[str]] = {}
+    for place in places:
+        seeds.setdefault(place.parent.name, []).append(place.name)
+    return ", ".join(f"{name} {' '.join(each)}" for name, each in seeds.items())
+
+
 def load_agents(
     folder: Path,
     learners: Sequence[str],

@@ -18,7 +18,7 @@ import pandas as pd
 from p2l.chaining.ablation import AblationVariant, episodes_of_variant
 from p2l.chaining.ceiling import Ceiling, ceiling_of_seed
 from p2l.chaining.elsewhere import Variant, robosuite_variant, transfer_of_seed, variants
-from p2l.chaining.episodes import Agents, PolicyLedger, episodes_of_seed, load_agents, policy_place
+from p2l.chaining.episodes import Agents, PolicyLedger, check_policies, episodes_of_seed, load_agents, policy_place
 from p2l.chaining.novelty import NominalStates
 from p2l.chaining.reuse import nominal_sets, reuse_of_seed
 from p2l.chaining.search.macros import Macro, load_macros
@@ -111,6 +111,7 @@ def open_policies(subject: Subject) -> tuple[World, dict[int, Agents]]:
         ArtifactError: a policy is missing, damaged, or of another world.
         ConfigError: the world refuses a parameter.
     """
+    check_policies(subject.folder, subject.learners, subject.seeds)
     world = make_world(subject.world, subject.params)
     nominal = world.nominal_options()
     return world, {seed: load_agents(subject.folder, subject.learners, seed, world, nominal) for seed in subject.seeds}
@@ -205,12 +206,18 @@ def _macros(subject: Subject, agents: Mapping[int, Agents], ceiling: Ceiling) ->
 def _ablation_variants(subject: Subject, ablation: Ablation) -> list[AblationVariant]:
     """Variants of the world; their policies lie beside the configured world's, with the variant's name appended."""
     ablation_variants = []
+    for name in ablation.variants:
+        check_policies(_of_variant(subject, name), [ablation.learner], subject.seeds)
     for name, differs in ablation.variants.items():
         world = make_world(subject.world, {**subject.params, **differs})
-        nominal, folder = world.nominal_options(), subject.folder.with_name(f"{subject.folder.name}_{name}")
+        nominal, folder = world.nominal_options(), _of_variant(subject, name)
         agents = {seed: load_agents(folder, [ablation.learner], seed, world, nominal) for seed in subject.seeds}
         ablation_variants.append(AblationVariant(name, world, nominal, agents))
     return ablation_variants
+
+
+def _of_variant(subject: Subject, name: str) -> Path:
+    return subject.folder.with_name(f"{subject.folder.name}_{name}")
 
 
 def _transfer_variants(subject: Subject, world: World, transfers: Transfers, stack: ExitStack) -> list[Variant]:

@@ -21,8 +21,10 @@ class Ground:
         world: where.
         nominal: the chain π_1 … π_k there.
         failures: N rows.
+        name: among the worlds of a mixture; empty for the task's own.
     """
 
     world: World
     nominal: Sequence[Option]
     failures: Rows
+    name: str = ""

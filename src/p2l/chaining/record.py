@@ -56,7 +56,7 @@ def run_result(progress: Progress, failures: int, apart: int, told: Mapping[str,
         apart: how many of them were set apart for evaluations.
         told: by the learner, see `learner.Learner`.
     """
-    facts = {"failures": failures, "set_apart": apart, **summary(progress), **told}
+    facts = {"failures": failures, "set_apart": apart, **summary(progress), **told, **progress.told}
     return RunResult(pd.DataFrame(progress.rounds), pd.DataFrame(progress.evaluations), facts, times(progress))
 
 

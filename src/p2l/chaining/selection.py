@@ -39,11 +39,15 @@ def judge_and_keep(
         "episodes": len(successes[0]),
         "evaluation_steps": int(sum(each.steps.sum() for each in recoveries)),
     }
+    there: dict[str, float] = {}
     if len(apart) > 1:
         row["success_everywhere"] = everywhere
+        pairs = zip(apart[1:], successes[1:], strict=True)
+        there = {f"success:{one.name}": float(success.mean()) for one, success in pairs}
+        row |= there
     progress.evaluations.append(row)
     if everywhere >= progress.best:  # of equals the later one has learnt from more
         progress.best = everywhere
-        facts = {"control_steps": progress.control_steps, "evaluation_success": everywhere, **learner.told}
+        facts = {"control_steps": progress.control_steps, "evaluation_success": everywhere, **there, **learner.told}
         save_agent(folder, replace(policy, card=replace(policy.card, told=facts)), learner)
     return row

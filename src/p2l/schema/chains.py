@@ -19,6 +19,7 @@ from p2l.schema.base import ChoiceConfig, ConfigSection, Count, NotNegative, Pos
 from p2l.schema.recovery import VideoConfig, WorldStageConfig
 
 Seed = Annotated[int, Field(ge=0)]
+MIXED = "search_mixed"  # the search whose parameters name further worlds
 
 
 class LearnerConfig(ChoiceConfig):
@@ -35,6 +36,11 @@ class LearnerConfig(ChoiceConfig):
     budget_share: Annotated[float, Field(gt=0, le=1)] = 1.0
     evaluate_every: Count | None = None
     ppo: dict[str, Any] = Field(default_factory=dict)
+
+    @property
+    def title(self) -> str:
+        """What a run of it alone is called: a search in several worlds is another method than one in its own."""
+        return MIXED if self.key == "search" and "mixture" in self.params else self.name
 
     @model_serializer(mode="wrap")
     def _without_what_is_absent(self, plain: SerializerFunctionWrapHandler) -> dict[str, Any]:
@@ -109,7 +115,7 @@ class ChainRecoveriesConfig(WorldStageConfig):
     @property
     def method(self) -> str:
         """The learner, or all that are compared."""
-        return "learners" if self.compare else self.learner.name
+        return "learners" if self.compare else self.learner.title
 
     def alone(self, learner: str | None = None, seed: int | None = None) -> ChainRecoveriesConfig:
         """One run without what does not concern it: `learner` with `seed` of those that are compared, or its own."""
@@ -228,6 +234,20 @@ class EvaluateChainsConfig(WorldStageConfig):
     ceiling: CeilingConfig
     videos: bool
     video: VideoConfig
+
+    @model_validator(mode="after")
+    def _names_of_learners(self) -> EvaluateChainsConfig:
+        """A learner that is not evaluated is left out of a table, but a name that none has is a mistake."""
+        known = [*dict.fromkeys([*self.learners, *LEARNERS.names(), MIXED])]
+        of = {"transfer.learners": self.transfer.learners, "reuse.learners": self.reuse.learners}
+        of |= {"ceiling.learner": (self.ceiling.learner,), "ablation.learner": (self.ablation.learner,)}
+        for place, names in of.items():
+            if unknown := [name for name in names if name not in known]:
+                raise ValueError(
+                    f"{place} names {', '.join(unknown)}, which is neither among `learners` nor one of ours; known: "
+                    f"{', '.join(known)}"
+                )
+        return self
 
     @property
     def method(self) -> str:

@@ -33,6 +33,7 @@ HAND = ("grip_quat", "target_quat")
 # 2: joint torques have robosuite's limits, and a box that is held still turns by 0.002 rad/s instead of 0.016.
 VERSIONS: Mapping[int, Mapping[str, Any]] = {1: {}, 2: {"torque_limits": True, "impratio": 500.0}}
 SCALES = ("gain_scale", "friction_scale")
+SCALE = (0.1, 10.0)  # what they may be: beyond, it is no longer the arm that holds, or the thing that is held
 VERSION = 2  # of a world that is not told another; chapter 4's door is of version 1, like its records
 Fields = Mapping[str, npt.NDArray[np.generic]]
 
@@ -47,13 +48,13 @@ def physics_of(version: int, *, gain_scale: float = 1.0, friction_scale: float =
         numbers: of `Physics`.
 
     Raises:
-        ConfigError: there is no such version, or a scale is not positive.
+        ConfigError: there is no such version, or a scale is far from 1.
     """
     if version not in VERSIONS:
         raise ConfigError(f"unknown version {version} of the worlds; known: {', '.join(map(str, VERSIONS))}")
     for name, scale in (("gain_scale", gain_scale), ("friction_scale", friction_scale)):
-        if not 0.0 < scale < np.inf:
-            raise ConfigError(f"{name} must be a positive number, got {scale}")
+        if not SCALE[0] <= scale <= SCALE[1]:
+            raise ConfigError(f"{name} must be a factor from {SCALE[0]:g} to {SCALE[1]:g}, got {scale}")
     physics = Physics(**numbers)  # type: ignore[arg-type]
     stiffness = {name: gain_scale * getattr(physics, name) for name in ("stiffness_linear", "stiffness_angular")}
     damping = {name: gain_scale**0.5 * getattr(physics, name) for name in ("damping_linear", "damping_angular")}

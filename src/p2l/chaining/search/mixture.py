@@ -65,6 +65,13 @@ class PracticeGrounds:
         worlds = len(self.training)
         return np.eye(worlds)[self.ground] if worlds > 1 else np.zeros((len(self), 0))
 
+    def told(self) -> dict[str, float]:
+        """How many failures each further world has to practise on, and how many are set apart there."""
+        kinds = {"failures": self.training, "set_apart": self.apart}
+        return {
+            f"{kind}:{one.name}": len(one.failures) for kind, grounds in kinds.items() for one in grounds if one.name
+        }
+
     def trials(
         self, primitives: Sequence[Option], failure: IntArray, macros: IntArray, limits: Limits, width: int
     ) -> MacroTrials:
@@ -121,8 +128,8 @@ def mixture_of(task: ChainTask, others: Mapping[str, World], executions: int, ev
             harmless.append(name)
             continue
         parts = split(last.rows.take(flagged), max(len(evaluation) // len(others), 1), task.seed, world.name)
-        training.append(Ground(world, nominal, parts.training))
-        apart.append(Ground(world, nominal, parts.evaluation))
+        training.append(Ground(world, nominal, parts.training, name))
+        apart.append(Ground(world, nominal, parts.evaluation, name))
     if harmless:
         raise ConfigError(
             f"search: the nominal skills did not fail in {executions} executions of the mixture's "

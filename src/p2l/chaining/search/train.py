@@ -166,6 +166,7 @@ def search_train(
     progress = load_checkpoint(folder, card) or Progress()
     torch.set_num_threads(1)  # the network is small, and sums depend on the number of threads
     mixture = mixture_of(task, learner.others, plan.executions, evaluation_starts)
+    progress.told = mixture.told()
     state = mixture.states(learner.limits)
     rng = generator(task.seed, "chain_recoveries", task.world.name, "search")
     search = SearchMemory(OutcomeTable(), {}, rng)
