@@ -159,7 +159,7 @@ def trained(task, name, folder, kill_at=()):
         plain = "rc" if running else name
         learner = replace(make_learner(plain, task, Limits(), LEARNERS[plain]), running_normalisation=running)
         if name == "lazy_rc":  # so few outcomes would never do
-            easy = LazySettings(4, 2, 4, precision=0.5, support=1, audit=0.3)
+            easy = LazySettings(4, 2, 4, precision=0.4, support=1, audit=0.3)
             shortcut = Lazy(len(learner.primitives), len(task.nominal), easy, task.seed)
             learner = replace(learner, shortcut=shortcut)
         card = card_of(task, learner, name, "hash")

@@ -74,12 +74,12 @@ def test_what_is_held_does_not_creep(thing):
 
 
 def test_what_is_known_of_the_first_version_stays_known():
-    worlds = [make_world("pick_place", params) for params in ({}, {"version": 1}, {"version": 2})]
+    worlds = [make_world("pick_place", params) for params in ({}, {"version": 1}, {"version": 3})]
     assert (
         worlds[0].digest == worlds[2].digest != worlds[1].digest == "d78eb5c8b0111e61"
     )  # that of its committed records
-    with pytest.raises(ConfigError, match="unknown version 3 of the worlds; known: 1, 2"):
-        make_world("door", {"version": 3})
+    with pytest.raises(ConfigError, match="unknown version 4 of the worlds; known: 1, 2, 3"):
+        make_world("door", {"version": 4})
 
 
 @pytest.mark.parametrize("name", ["pick_place", "shelf"])

@@ -22,7 +22,7 @@ from p2l.contracts.rows import Rows
 from p2l.contracts.world import World
 from p2l.errors import ArtifactError
 from p2l.records import Array, IntArray
-from p2l.skills.primitives import GRIPS
+from p2l.skills.primitives import grips_beside
 
 Act = Callable[[Array], IntArray]
 PRECONDITIONS = "preconditions.npz"
@@ -87,7 +87,8 @@ def load_agent(
     """
     policy = load_policy(folder)
     card = policy.card
-    own = {option.name: option for option in (*world.primitives(), *GRIPS)}
+    moves = world.primitives()
+    own = {option.name: option for option in (*moves, *grips_beside(moves))}
     if unknown := [name for name in card.actions if name not in own and not name.startswith("from ")]:
         raise ArtifactError(f"{folder}: a policy over actions that there are no more: {', '.join(unknown)}")
     primitives = tuple(own[name] for name in card.actions if name in own)

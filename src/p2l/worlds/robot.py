@@ -24,17 +24,19 @@ from p2l.errors import ConfigError
 from p2l.records import Array, BoolArray, IntArray
 from p2l.sim.batch import Chunk, Engine
 from p2l.sim.scene import Physics, Scene
-from p2l.skills.primitives import PRIMITIVES
+from p2l.skills import primitives
 
 ROW_VERSION = 1  # raise when the meaning of a saved row changes
 GRIP = "grip_pos"
 HAND = ("grip_quat", "target_quat")
 # What has changed in the physics of our worlds; a row, a policy and a record belong to one version.
 # 2: joint torques have robosuite's limits, and a box that is held still turns by 0.002 rad/s instead of 0.016.
-VERSIONS: Mapping[int, Mapping[str, Any]] = {1: {}, 2: {"torque_limits": True, "impratio": 500.0}}
+# 3: a primitive starts where the hand is (`primitives.Primitive`); the physics are those of 2.
+_LIMITED: Mapping[str, Any] = {"torque_limits": True, "impratio": 500.0}
+VERSIONS: Mapping[int, Mapping[str, Any]] = {1: {}, 2: _LIMITED, 3: _LIMITED}
 SCALES = ("gain_scale", "friction_scale")
 SCALE = (0.1, 10.0)  # what they may be: beyond, it is no longer the arm that holds, or the thing that is held
-VERSION = 2  # of a world that is not told another; chapter 4's door is of version 1, like its records
+VERSION = 3  # of a world that is not told another; chapter 4's door is of version 1, like its records
 Fields = Mapping[str, npt.NDArray[np.generic]]
 
 
@@ -115,6 +117,7 @@ class RobotWorld:
                 f"world '{name}': {type(self).__name__} lacks {', '.join(lacking)}; see docs/new-world.md"
             )
         self.name, self.scenes, self.estimator = name, tuple(scenes), estimator
+        self.version = int(params.get("version", VERSION))
         self.engine = Engine([scene.model for scene in scenes], control_period_s=control_period_s, nthread=nthread)
         first = scenes[0]
         joints = [first.model.joint(i).name for i in range(first.model.njnt)]
@@ -153,7 +156,7 @@ class RobotWorld:
 
     def primitives(self) -> tuple[Option, ...]:
         """Small motions of the hand (thesis, section 5.4)."""
-        return PRIMITIVES
+        return primitives.of_version(self.version)
 
     def visual_model(self, model: int) -> mujoco.MjModel:
         """The model with visual geoms."""

@@ -28,7 +28,7 @@ from p2l.contracts.world import Delivering, World
 from p2l.errors import ConfigError
 from p2l.records import Array, BoolArray
 from p2l.seeding import generator
-from p2l.skills.primitives import GRIPS
+from p2l.skills.primitives import grips_beside
 
 Place = Callable[[Privileged], Array]
 REACH, HOLD, CARRY = 0.3, 0.2, 0.5
@@ -61,7 +61,7 @@ def learner(task: ChainTask, limits: Limits, *, decisions: int = 150, starts: in
     return Learner(
         bounds,
         rows,
-        (*task.world.primitives(), *GRIPS),
+        (*task.world.primitives(), *grips_beside(task.world.primitives())),
         options=False,
         judge=dense,
         whole_task=True,

@@ -132,7 +132,7 @@ class PickPlace(RobotWorld):
         params = {name: value for name, value in locals().items() if name not in ("self", "nthread", "__class__")}
         self._low, self._high = _ranges(wall_clearance_m, x_m=x_m, y_m=y_m, yaw_rad=yaw_rad)
         self._noise_rad, self.force_limit_n = joint_noise_rad, force_limit_n
-        self.version, self.memory_size = version, 2 + (FELT_SIZE if version > 1 else 0)
+        self.memory_size = 2 + (FELT_SIZE if version > 1 else 0)
         arena, bread = BinsArena(bin1_pos=BIN1_POS_M), BreadObject(name="Bread")
         arena.set_origin([0, 0, 0])
         parts = Parts(arena, [bread], BASE_POS_WORLD, pose_sensors={"object": bread.root_body})

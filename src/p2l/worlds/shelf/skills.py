@@ -18,7 +18,7 @@ from p2l.worlds.shelf.hold import UPRIGHT, upright_distance
 from p2l.worlds.shelf.scene import DEPTH_M, TABLE_M, Thing
 from p2l.worlds.shelf.starts import APPROACH_M, AWAY_M, CARRY_M
 
-CLEARANCE_M = {1: 0.003, 2: 0.002}  # between what is carried and the shelf's floor, by version of the worlds
+CLEARANCE_M = {1: 0.003, 2: 0.002, 3: 0.002}  # between what is carried and the shelf's floor, by version of the worlds
 BEFORE_M = 0.06  # from the thing's near side back to the pose before the grasp
 NEAR_M = 0.01  # a thing that is no farther above the table stands on it
 ASIDE_M = 0.05  # Place brings it to the middle of the shelf from that far

@@ -138,7 +138,7 @@ class Shelf(RobotWorld):
         self.bank = compose(arm, self.thing, physics, heavy, sizes if clutter else None, models)
         self.failure_kinds = (*KINDS, "clutter_rotated") if clutter else KINDS
         self._clutter: tuple[str, ...] = CLUTTER if clutter else ()
-        self.version, self.memory_size = version, hand.MEMORY_SIZE + (FELT_SIZE if version > 1 else 0)
+        self.memory_size = hand.MEMORY_SIZE + (FELT_SIZE if version > 1 else 0)
         self.force_limit_n, self.clutter_limit_rad = force_limit_n, clutter_limit_rad
         self.slip_limit_rad, self.slip_limit_m, self._noise_rad = slip_limit_rad, slip_limit_m, joint_noise_rad
         name = "cluttered_shelf" if clutter else "shelf"
