@@ -32,7 +32,9 @@ def learn(
     history: History | None = None,
     episodes: int = 1,
 ) -> Iterator[History]:
-    """Train recoveries for `rounds` rounds; yields the history after each, for the caller to save.
+    """Train recoveries for `rounds` rounds, or until the chooser finds none worth its cost.
+
+    Yields the history after each round, for the caller to save.
 
     Args:
         graph: the graph before any training.
@@ -93,6 +95,8 @@ def _rounds(
         rng.bit_generator.state = json.loads(history.generator)
     while len(history) < rounds:
         choice = chooser(graph.with_q(history.best), history, rng)
+        if choice is None:
+            return
         before = int(history.counts[choice.mode, choice.target]) * episodes
         results = [train(choice.mode, choice.target, before + episode) for episode in range(episodes)]
         result = max(results, key=lambda one: one.q)  # the better policy is kept; of equals the first

@@ -99,7 +99,7 @@ def value_of_failures(graph: SkillGraph, q: Array | None = None) -> Array:
 
 
 def predicted_value(graph: SkillGraph, q_upper: Array) -> Array:
-    """[I, M] J^U: the value of failures if q_ij alone were replaced by `q_upper`_ij, for every (i, j) at once.
+    """[..., I, M] J^U: the value of failures if q_ij alone were replaced by `q_upper`_ij, for every (i, j) at once.
 
     In a chain no skill ends in a failure mode, so that replacing q_ij moves the value of mode i and no other: one
     backup of the replaced entries on the solved graph is the fixed point of every replaced graph. Other graphs are
@@ -107,14 +107,14 @@ def predicted_value(graph: SkillGraph, q_upper: Array) -> Array:
     """
     if graph.skills:
         places = np.eye(graph.q.size, dtype=bool).reshape(-1, *graph.q.shape)
-        replaced = np.where(places, q_upper, graph.q)
-        return np.asarray(value_of_failures(graph, replaced)).reshape(graph.q.shape)
+        replaced = np.where(places, np.asarray(q_upper)[..., None, :, :], graph.q)
+        return np.asarray(value_of_failures(graph, replaced)).reshape(np.shape(q_upper))
     values = value_iteration(graph)
     count = len(values.targets)
     current = recovery_values(graph, values.targets)[:, None, :]
     others = np.where(np.eye(count, dtype=bool), -graph.c_fail, current).max(axis=-1)  # [I, M] best without target j
     best = np.maximum(others, recovery_values(graph, values.targets, q_upper))
-    best = np.maximum(best, -graph.c_fail)  # [I, M] value of mode i with the upper limit of target j
+    best = np.maximum(best, -graph.c_fail)  # [..., I, M] value of mode i with the upper limit of target j
     return np.asarray(values.modes @ graph.share + graph.share[:, None] * (best - values.modes[:, None]))
 
 

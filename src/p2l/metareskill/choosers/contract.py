@@ -37,7 +37,7 @@ class Choice:
     predicted: float = math.nan
 
 
-Rule = Callable[[SkillGraph, History, np.random.Generator], Choice]
+Rule = Callable[[SkillGraph, History, np.random.Generator], Choice | None]
 
 
 @dataclass(frozen=True)
@@ -54,8 +54,8 @@ class Chooser:
     rule: Rule
     initial_rounds: int
 
-    def __call__(self, graph: SkillGraph, history: History, rng: np.random.Generator) -> Choice:
-        """The next recovery; `graph` holds the best success rates so far."""
+    def __call__(self, graph: SkillGraph, history: History, rng: np.random.Generator) -> Choice | None:
+        """The next recovery; `graph` holds the best success rates so far. None: no training is worth its cost."""
         if history.counts.min() < self.initial_rounds:
             return least_trained(history, "initial round")
         return self.rule(graph, history, rng)

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from p2l.errors import ConfigError
-from p2l.metareskill.choosers import bandits, oracle, rules
+from p2l.metareskill.choosers import bandits, lookahead, oracle, rules
 from p2l.metareskill.choosers.contract import Chooser, Rule, check_number
 from p2l.registry import Registry
 
@@ -18,6 +18,7 @@ CHOOSERS: Registry[Callable[..., Rule]] = Registry(
     "chooser",
     {
         "metareskill": lambda: rules.metareskill,
+        "lookahead": lambda: lookahead.lookahead,
         "round_robin": lambda: rules.round_robin,
         "weighted_round_robin": lambda: rules.weighted_round_robin,
         "ucb1": lambda: bandits.ucb1,
