@@ -134,7 +134,9 @@ def test_metareskill_needs_less_budget_than_round_robin():
 
 
 def test_unknown_choosers_and_settings_are_refused():
-    with pytest.raises(ConfigError, match="unknown chooser 'greedy'; known: lookahead, metareskill, oracle"):
+    with pytest.raises(
+        ConfigError, match="unknown chooser 'greedy'; known: extrapolation, lookahead, metareskill, oracle"
+    ):
         make_chooser("greedy")
     with pytest.raises(ConfigError, match=r"unknown parameters \['alpha'\]; allowed: initial_rounds, .*confidence"):
         make_chooser("metareskill", {"alpha": 0.9})

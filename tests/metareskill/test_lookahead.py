@@ -125,14 +125,16 @@ def test_two_unsolved_first_queries_do_not_end_a_recovery():
 
     def train(mode, target, before):
         if target == 0:
-            return Trained(q=0.1 + 0.02 * before, trials=50)  # a little more each time, so that no prediction ties
+            return Trained(
+                q=min(0.1 + 0.005 * before, 0.3), trials=50
+            )  # a little more each time, so that no prediction ties
         return Trained(q=0.0 if before < 2 else 0.9, trials=50, solved=before >= 2)
 
     *_, history = learn(
         graph, make_chooser("metareskill", {"initial_rounds": 2}), train, rounds=30, rng=np.random.default_rng(0)
     )
     assert history.counts[0, 1] == 2
-    *_, ahead = learn(graph, make_chooser("lookahead"), train, rounds=30, rng=np.random.default_rng(0))
+    *_, ahead = learn(graph, make_chooser("lookahead"), train, rounds=60, rng=np.random.default_rng(0))
     assert ahead.best[0, 1] == 0.9
 
 
@@ -196,3 +198,22 @@ def test_costs_of_another_graph_are_refused():
     rule = make_chooser("lookahead", {"costs": [[1.0, 1.0]]})
     with pytest.raises(ConfigError, match=r"costs of \(1, 2\) recoveries given; the graph has \(2, 2\)"):
         rule(graph, History(graph.q), np.random.default_rng(0))
+
+
+def test_trends_prefer_what_still_rises_and_is_worth_more():
+    """By hand: one recovery has reached its ceiling, the other still rises by 0.1 a round; both are worth as much."""
+    graph = fresh(modes=2, nominal=(0.9,), sizes=[10.0, 10.0])
+    outcomes = [(mode, 1, q) for n in range(4) for mode, q in ((0, 0.5), (1, 0.1 * (n + 1)))]
+    outcomes += [(mode, 0, None) for mode in (0, 1) for _ in range(4)]
+    history = history_of(graph, outcomes)
+    now = graph.with_q(history.best)
+    choice = make_chooser("rising", {"exploration": 0.0, "ahead": 3})(now, history, np.random.default_rng(0))
+    assert (choice.mode, choice.target) == (1, 1)
+    expected = make_chooser("extrapolation")(now, history, np.random.default_rng(0))
+    assert (expected.mode, expected.target) == (1, 1)
+
+
+@pytest.mark.parametrize("params", [{"window": 0.0}, {"window": 0.6}, {"exploration": -1.0}, {"ahead": 0}])
+def test_settings_of_a_trend_are_checked(params):
+    with pytest.raises(ConfigError, match=f"rising: {next(iter(params))}"):
+        make_chooser("rising", params)

@@ -24,7 +24,7 @@ from p2l.records import Array, BoolArray
 
 SOLVED = (0.02, 0.15, 0.35, 0.6, 0.85, 0.97)
 CEILING = (0.02, 0.15, 0.3, 0.45, 0.6, 0.75, 0.88, 0.98)
-PACE = (0.2, 0.5, 0.75, 0.9)
+PACE = (0.3, 0.6, 0.8, 0.9, 0.95)
 UNMEASURED = 50  # trials that a success rate counts as which comes without their number
 LEAST = 0.01  # of a success rate as a hypothesis, so that none excludes what was measured
 
@@ -34,9 +34,9 @@ class Sharing:
     """How much a recovery's own prior is worth, and each other one that was trained, by what they have in common."""
 
     own: float = 1.0
-    mode: float = 0.5
-    target: float = 0.5
-    rest: float = 0.1
+    mode: float = 0.2
+    target: float = 0.2
+    rest: float = 0.05
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class CurveBelief:
         return np.asarray((self.weight * self.rates()).sum(axis=0))
 
 
-def belief(history: History, sharing: Sharing | None = None, trust: float = 20.0) -> CurveBelief:
+def belief(history: History, sharing: Sharing | None = None, trust: float = 10.0) -> CurveBelief:
     """The posterior after all rounds of a history.
 
     Args:

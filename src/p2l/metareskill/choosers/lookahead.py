@@ -29,14 +29,17 @@ from p2l.metareskill.value_iteration import predicted_value
 from p2l.records import Array, freeze
 
 
+NOTHING = 1e-9  # expected rises that differ by no more are alike
+
+
 def lookahead(
     horizon: int = 5,
     c_learn: float = 0.0,
     costs: Sequence[Sequence[float]] | None = None,
-    trust: float = 20.0,
-    share_mode: float = 0.5,
-    share_target: float = 0.5,
-    share_rest: float = 0.1,
+    trust: float = 10.0,
+    share_mode: float = 0.2,
+    share_target: float = 0.2,
+    share_rest: float = 0.05,
 ) -> Rule:
     """The highest expected rise of the value of failures per cost, within `horizon` queries of one recovery.
 
@@ -73,7 +76,7 @@ def lookahead(
         if c_learn > 0.0 and (rises - c_learn * queries * price).max() <= 0.0:
             return None
         rate = (rises / (queries * price)).max(axis=0)
-        return best_of(rate, history, rng, "highest expected rise per cost", tie=0.0)
+        return best_of(rate, history, rng, "highest expected rise per cost", tie=NOTHING)
 
     return rule
 

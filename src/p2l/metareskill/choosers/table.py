@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from p2l.errors import ConfigError
-from p2l.metareskill.choosers import bandits, lookahead, oracle, rules
+from p2l.metareskill.choosers import bandits, lookahead, oracle, rules, trends
 from p2l.metareskill.choosers.contract import Chooser, Rule, check_number
 from p2l.registry import Registry
 
@@ -23,6 +23,8 @@ CHOOSERS: Registry[Callable[..., Rule]] = Registry(
         "weighted_round_robin": lambda: rules.weighted_round_robin,
         "ucb1": lambda: bandits.ucb1,
         "thompson": lambda: bandits.thompson,
+        "extrapolation": lambda: trends.extrapolation,
+        "rising": lambda: trends.rising,
         "oracle": lambda: oracle.oracle,
     },
 )
