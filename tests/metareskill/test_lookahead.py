@@ -124,10 +124,8 @@ def test_two_unsolved_first_queries_do_not_end_a_recovery():
     graph = fresh(modes=1, nominal=(0.9,), sizes=[10.0])
 
     def train(mode, target, before):
-        if target == 0:
-            return Trained(
-                q=min(0.1 + 0.005 * before, 0.3), trials=50
-            )  # a little more each time, so that no prediction ties
+        if target == 0:  # a little more each time, so that no prediction ties
+            return Trained(q=min(0.3 + 0.005 * before, 0.5), trials=50)
         return Trained(q=0.0 if before < 2 else 0.9, trials=50, solved=before >= 2)
 
     *_, history = learn(

@@ -28,7 +28,6 @@ from p2l.metareskill.history import History
 from p2l.metareskill.value_iteration import predicted_value
 from p2l.records import Array, freeze
 
-
 NOTHING = 1e-9  # expected rises that differ by no more are alike
 
 
