@@ -39,6 +39,11 @@ def chain_run(cfg: ChainRecoveriesConfig, name: str | None = None, seed: int | N
     )
 
 
+def hashes(cfg: ChainRecoveriesConfig) -> dict[RunKey, str]:
+    """Of the configuration of each run that is compared."""
+    return {(name, seed): chain_run(cfg, name, seed).config_hash for seed in cfg.seeds for name in cfg.compare}
+
+
 @dataclass(frozen=True)
 class _RunObserver:
     """Tells the tracker and the progress bar."""
@@ -69,7 +74,7 @@ class _RunObserver:
 def evaluated(row: Mapping[str, float]) -> str:
     """An evaluation in words: success in the task's world, and in each of a mixture's."""
     there = {name.partition(":")[2]: value for name, value in row.items() if name.startswith("success:")}
-    worlds = f"; {row['success_everywhere']:.0%} with {_worlds(there)}" if there else ""
+    worlds = f" of its own world; {_worlds(there)}; {row['success_everywhere']:.0%} of all episodes" if there else ""
     return f"{row['success']:.0%} of {row['episodes']:.0f} episodes{worlds}"
 
 

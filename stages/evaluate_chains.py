@@ -11,7 +11,7 @@ from p2l.chaining.clips import novel_clips
 from p2l.chaining.episodes import PolicyLedger
 from p2l.chaining.evaluation import Ablation, ChainResults, Reuse, Subject, Transfers, evaluate, open_policies
 from p2l.chaining.reuse import most_novel
-from p2l.evaluation.chaining.evaluation import ChainEvaluation, chain_report, read_runs
+from p2l.evaluation.chaining.evaluation import ChainEvaluation, chain_report, evaluation_line, read_runs
 from p2l.evaluation.video.failures import skip
 from p2l.evaluation.video.player import VideoOptions
 from p2l.evaluation.video.reuse import film_reuse
@@ -38,6 +38,7 @@ def run(cfg: EvaluateChainsConfig, out: Path, track: Tracker) -> None:
     evaluation = ChainEvaluation(cfg.item, results.episodes, runs, results.transfers, results.reuse, results.ablation)
     numbers, files = chain_report(out, evaluation, cfg.thesis)
     track.metrics(numbers)
+    print(f"evaluate_chains {cfg.item}: {evaluation_line(results.episodes)}")
     for path in [*files, *_films(cfg, out / "videos", results)]:
         track.artifact(path)
     if diverged := int(results.episodes["diverged"].sum()):

@@ -301,10 +301,73 @@ def test_a_search_in_several_worlds_has_a_name_of_its_own_and_tells_each(found, 
     learner = {"name": "search", "params": params}
     learn(found, tmp_path, learner=learner, budget=900, evaluation={"every": 300, "episodes": 4})
     assert "push search_mixed s0: " in (out := capsys.readouterr().out)
-    assert re.search(r"of 4 episodes; \d+% with worse \d+%", out)
+    assert re.search(r"of 4 episodes of its own world; worse \d+%; \d+% of all episodes", out)
     assert load_policy(tmp_path).card.learner == "search_mixed"
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert summary["failures:worse"] > summary["set_apart:worse"] == 4
+
+
+def told_already(folder, out, **changes):
+    """A valid configuration of the comparison in `learnt`, changed."""
+    with initialize_config_dir(str(ROOT / "conf"), version_base="1.3"):
+        plain = resolve(compose("chain_recoveries", ["experiment=smoke"]))
+    plain["ppo"] |= SMALL
+    plain |= {
+        "limits": plain["limits"] | {"fields": []},
+        "limits_of": {},
+        "records": None,
+        "item": "push",
+        "world": PUSH,
+    }
+    plain |= {
+        "failures": str(folder / "failures_train.npz"),
+        "learners": COMPARED,
+        "compare": ["rc", "pp"],
+        "seeds": [0],
+    }
+    return already(validate(plain | {"budget": 600, "slots": 8, **changes}, ChainRecoveriesConfig, "test"), out)
+
+
+def test_runs_that_are_there_are_not_overwritten_by_other_ones(found, learnt, alone, tmp_path):
+    """A second comparison in the folder of a finished one wrote over its tables and its policies without a word."""
+    there = learnt / "run"
+    assert told_already(found, there) is None, "the same one goes on"
+    assert told_already(found, there, seeds=[0, 1]) is None, "and may grow"
+    with pytest.raises(
+        ArtifactError, match=r"holds pp s0 of another comparison or configuration.*choose another folder"
+    ):
+        told_already(found, there, compare=["rc"])
+    with pytest.raises(ArtifactError, match=r"holds pp s0, rc s0 of another comparison or configuration"):
+        told_already(found, there, budget=900)
+    with pytest.raises(ArtifactError, match=r"holds pp s0, rc s0 of another"):
+        told_already(found, there, compare=[], seeds=[])
+    with pytest.raises(ArtifactError, match=r"holds a single run of another"):
+        told_already(found, alone)
+    assert told_already(found, tmp_path) is None
+
+
+def test_seeds_without_a_comparison_and_names_given_twice_are_mistakes(found, tmp_path):
+    with pytest.raises(ConfigError, match=r"seeds are those of compare.* say compare=\[rc\], or seed=3 for one run"):
+        learn(found, tmp_path, seeds=[3, 4])
+    with pytest.raises(ConfigError, match=r"compare names something twice: rc, rc"):
+        compare(found, tmp_path, compare=["rc", "rc"])
+    with pytest.raises(ConfigError, match=r"seeds names something twice: 0, 0"):
+        compare(found, tmp_path, seeds=[0, 0])
+
+
+def test_a_variant_that_is_refused_is_named_and_a_result_is_told(learnt, tmp_path, capsys):
+    with pytest.raises(ConfigError, match=r"transfer\.variants\.far: .*unknown parameters"):
+        evaluate(learnt, tmp_path, transfer=moved(far={"sigma": 0.05}))
+    evaluate(learnt, tmp_path, learners=["rc"], videos=False)
+    told = re.search(
+        r"evaluate_chains push: success nominal (.*)% \(.*\), rc (.*)% \(.*\), of (\d+) episodes",
+        capsys.readouterr().out,
+    )
+    table = pd.read_csv(tmp_path / "table_5_1.csv")
+    summary = load_json(tmp_path / "summary.json", schema="chain_evaluation", version=1)["learners"]["rc"]
+    assert float(told[1]) == pytest.approx(100 * summary["nominal"]["mean"], abs=0.05)
+    assert float(told[2]) == pytest.approx(100 * summary["success"]["mean"], abs=0.05)
+    assert len(table)
 
 
 def test_what_cannot_be_learnt_from_is_refused(found, tmp_path):
@@ -374,7 +437,6 @@ def test_a_finished_run_is_neither_repeated_nor_overwritten(found, tmp_path, mon
     capsys.readouterr()
     again()
     assert "this run has finished already" in capsys.readouterr().out
-    again(seeds=[3, 4])  # says nothing of a run that is alone
     with pytest.raises(ArtifactError, match="holds the policy of a run with another configuration"):
         again(budget=700)
     assert files() == before

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
@@ -89,6 +90,30 @@ def is_finished(folder: Path, config_hash: str) -> bool:
             "(hydra.run.dir=…)"
         )
     return (folder / SUMMARY).is_file()
+
+
+def refuse_others(folder: Path, wanted: Mapping[tuple[str, int], str]) -> None:
+    """Refuse a folder whose policies a run would overwrite, or leave beside tables that do not tell of them.
+
+    Args:
+        folder: of a comparison, or of a single run.
+        wanted: hash of the configuration of each run that is compared, by learner and seed; none of a single run.
+
+    Raises:
+        ArtifactError: it holds policies of other runs.
+    """
+    others = ["a single run"] if wanted and (folder / f"{POLICY}.json").is_file() else []
+    for card in sorted(folder.glob(f"policies/*/s*/{POLICY}.json")):
+        learner, seed = card.parts[-3:-1]
+        hashes = {f"s{number}": config_hash for (name, number), config_hash in wanted.items() if name == learner}
+        if hashes.get(seed) != load_policy(card.parent).card.config_hash:
+            others.append(f"{learner} {seed}")
+    if others:
+        raise ArtifactError(
+            f"{folder}: holds {', '.join(others)} of another comparison or configuration, which would be overwritten; "
+            "choose another folder (hydra.run.dir=…), or delete it. Runs that are there are kept where compare and "
+            "seeds name them, too, and nothing else of the configuration has changed"
+        )
 
 
 def drop_checkpoint(folder: Path) -> None:

@@ -21,6 +21,7 @@ from p2l.chaining.episodes import Agents, PolicyLedger
 from p2l.chaining.execute import nominal_part, recover
 from p2l.contracts.option import Option
 from p2l.contracts.world import World
+from p2l.errors import ConfigError, P2LError
 from p2l.ledger import find, write
 from p2l.seeding import generator
 from p2l.skills.runner import Reason
@@ -58,9 +59,18 @@ class Variant:
 def variants(
     name: str, params: Mapping[str, Any], others: Mapping[str, Mapping[str, Any]], failures: int
 ) -> list[Variant]:
-    """The worlds `others`, by name: parameters that differ from `params`."""
-    worlds = {other: make_world(name, {**params, **differs}) for other, differs in others.items()}
-    return [Variant(other, world, failures) for other, world in worlds.items()]
+    """The worlds `others`, by name: parameters that differ from `params`.
+
+    Raises:
+        ConfigError: one of them is refused.
+    """
+    made = []
+    for other, differs in others.items():
+        try:
+            made.append(Variant(other, make_world(name, {**params, **differs}), failures))
+        except P2LError as error:
+            raise ConfigError(f"transfer.variants.{other}: {error}") from error
+    return made
 
 
 def robosuite_variant(world: World, failures: int, stack: ExitStack) -> Variant:

@@ -160,6 +160,14 @@ class ChainRecoveriesConfig(WorldStageConfig):
             )
         if self.compare and not self.seeds:
             raise ValueError("compare needs seeds: name at least one")
+        if self.seeds and not self.compare:
+            raise ValueError(
+                f"seeds are those of compare, which names nothing; say compare=[{self.learner.title}], or seed="
+                f"{self.seeds[0]} for one run"
+            )
+        for place, names in (("compare", self.compare), ("seeds", self.seeds)):
+            if len(set(names)) < len(names):
+                raise ValueError(f"{place} names something twice: {', '.join(map(str, names))}")
         return self
 
 

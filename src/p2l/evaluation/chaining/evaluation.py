@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -107,6 +108,21 @@ def chain_report(out: Path, evaluation: ChainEvaluation, thesis: Path) -> tuple[
             numbers[f"{row['method']}/{str(row['setting']).rpartition('=')[2]}/recovery"] = row["mean"]
     files = [*(out / f"{name}.csv" for name in sheets), *(out / f"{name}.png" for name in figures)]
     return {name: value for name, value in numbers.items() if finite(value) is not None}, files
+
+
+def evaluation_line(episodes: pd.DataFrame) -> str:
+    """Overall success of every learner, for a person: with 95 % intervals, the nominal skills first."""
+    parts: list[str] = []
+    for learner, part in episodes.groupby("learner", sort=False):
+        rates = totals(part)
+        if "nominal" in rates and not parts:
+            parts.append(f"nominal {_rate(rates['nominal'])}")
+        parts.append(f"{learner} {_rate(rates['success'])}")
+    return f"success {', '.join(parts)}, of {part['episode'].nunique()} episodes for each policy"
+
+
+def _rate(row: Mapping[str, Any]) -> str:
+    return f"{row['mean']:.1%} ({row['low']:.1%} to {row['high']:.1%})"
 
 
 def _of(table: pd.DataFrame, learner: str, seed: int) -> pd.DataFrame:
