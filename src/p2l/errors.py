@@ -18,7 +18,7 @@ class P2LError(Exception):
         ...     make_chooser("gut_feeling")
         ... except P2LError as error:
         ...     print(error)  # doctest: +ELLIPSIS
-        unknown chooser 'gut_feeling'; known: metareskill, oracle, round_robin, ...
+        unknown chooser 'gut_feeling'; known: extrapolation, lookahead, metareskill, ...
     """
 
     exit_code = 2
