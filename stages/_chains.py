@@ -6,17 +6,24 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
+import yaml  # type: ignore[import-untyped]
+
+from p2l.chaining.checkpoint import is_finished, refuse_others
 from p2l.chaining.comparison import ChainRun, Observer, OpenObserver, RunKey
 from p2l.chaining.mdp import Limits
 from p2l.chaining.ppo import PPOSettings
 from p2l.chaining.record import RunResult
 from p2l.chaining.train import TrainSettings
+from p2l.errors import ArtifactError
 from p2l.schema import ChainRecoveriesConfig
 from p2l.tracking import Tracker
 from stages._child import child
 from stages._progress import say, training
 
+CONFIG = "config.yaml"  # what every stage leaves of its configuration
+SAME, TOLD = ("tracking", "records"), 5  # sections that change no result; differences that a message names
 NOTHING = "nothing that it tried while it learnt ended in success; a larger budget may help"
 
 
@@ -42,6 +49,40 @@ def chain_run(cfg: ChainRecoveriesConfig, name: str | None = None, seed: int | N
 def hashes(cfg: ChainRecoveriesConfig) -> dict[RunKey, str]:
     """Of the configuration of each run that is compared."""
     return {(name, seed): chain_run(cfg, name, seed).config_hash for seed in cfg.seeds for name in cfg.compare}
+
+
+def is_done(cfg: ChainRecoveriesConfig, out: Path) -> bool:
+    """Whether this single run has finished in `out`.
+
+    Raises:
+        ArtifactError: there are policies that the run, or the comparison, would overwrite.
+    """
+    try:
+        refuse_others(out, hashes(cfg))
+        return not cfg.compare and is_finished(out, cfg.alone().hash)
+    except ArtifactError as error:
+        raise ArtifactError(f"{error}{_changed(cfg, out)}") from error
+
+
+def _changed(cfg: ChainRecoveriesConfig, out: Path) -> str:
+    """In what a finished run in `out` differs from this one, as a sentence; nothing where it left no configuration."""
+    try:
+        there = _flat(yaml.safe_load((out / CONFIG).read_text(encoding="utf-8")))
+    except (OSError, ValueError, yaml.YAMLError):
+        return ""
+    here = _flat(cfg.model_dump(mode="json"))
+    names = [name for name in {**there, **here} if there.get(name) != here.get(name) and name.split(".")[0] not in SAME]
+    told = [f"{name} ({there.get(name, 'none')} there, {here.get(name, 'none')} here)" for name in names]
+    rest = f" and {len(told) - TOLD} more" if len(told) > TOLD else ""
+    return f". What differs: {', '.join(told[:TOLD])}{rest}" if told else ""
+
+
+def _flat(section: Any, prefix: str = "") -> dict[str, Any]:
+    """Values by dotted key."""
+    if not isinstance(section, dict) or not section:
+        return {prefix: section}
+    parts = (_flat(value, f"{prefix}.{key}" if prefix else str(key)) for key, value in section.items())
+    return {key: value for part in parts for key, value in part.items()}
 
 
 @dataclass(frozen=True)

@@ -5,21 +5,20 @@ from __future__ import annotations
 from pathlib import Path
 
 from p2l.artifacts import save_json
-from p2l.chaining.checkpoint import SUMMARY, drop_checkpoint, is_finished, refuse_others
+from p2l.chaining.checkpoint import SUMMARY, drop_checkpoint
 from p2l.chaining.comparison import compare, curves, learn, prepare
 from p2l.chaining.inputs import recorded_failures
 from p2l.evaluation.sheets import save_sheets
 from p2l.schema import ChainRecoveriesConfig
 from p2l.tracking import Tracker
 from stages._bridge import code_of, tell_times
-from stages._chains import chain_run, closing_line, hashes, run_observer, run_teller
+from stages._chains import chain_run, closing_line, is_done, run_observer, run_teller
 from stages._stage import stage
 
 
 def already(cfg: ChainRecoveriesConfig, out: Path) -> str | None:
     """What to tell where this single run has finished in `out`; raises where others would be overwritten."""
-    refuse_others(out, hashes(cfg))
-    if cfg.compare or not is_finished(out, cfg.alone().hash):
+    if not is_done(cfg, out):
         return None
     return f"{out}: this run has finished already; delete the folder, or choose another, to learn anew"
 

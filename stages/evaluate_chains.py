@@ -9,7 +9,7 @@ from p2l.artifacts import save_table
 from p2l.chaining.ceiling import Ceiling
 from p2l.chaining.clips import novel_clips
 from p2l.chaining.episodes import PolicyLedger
-from p2l.chaining.evaluation import Ablation, ChainResults, Reuse, Subject, Transfers, evaluate, open_policies
+from p2l.chaining.evaluation import Ablation, ChainResults, Reuse, Subject, Transfers, evaluate, left_out, open_policies
 from p2l.chaining.reuse import most_novel
 from p2l.evaluation.chaining.evaluation import ChainEvaluation, chain_report, evaluation_line, read_runs
 from p2l.evaluation.video.failures import skip
@@ -41,14 +41,15 @@ def run(cfg: EvaluateChainsConfig, out: Path, track: Tracker) -> None:
     print(f"evaluate_chains {cfg.item}: {evaluation_line(results.episodes)}")
     for path in [*files, *_films(cfg, out / "videos", results)]:
         track.artifact(path)
-    if diverged := int(results.episodes["diverged"].sum()):
-        track.note(f"The simulation of {diverged} of {len(results.episodes)} episodes broke down; they are left out.")
+    for text in left_out(who, *plans[:2], results):
+        track.note(text)
+        print(f"evaluate_chains {cfg.item}: {text}")
 
 
 def _films(cfg: EvaluateChainsConfig, folder: Path, results: ChainResults) -> list[Path]:
     """The film of the most novel reuse of an option, or a note why there is none."""
-    if not cfg.videos:
-        skip(folder, "videos=false")
+    if not (cfg.videos and len(results.reuse)):
+        skip(folder, "no learner of reuse.learners met a failure" if cfg.videos else "videos=false")
         return []
     world, video = results.world, VideoOptions(**cfg.video.model_dump())
     clips = partial(novel_clips, world, world.nominal_options(), results.agents, results.episodes)

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
 AnyArray = npt.NDArray[Any]
 _META = "__p2l__"
+_ANEW = "Delete it and run the stage that makes it again (`dvc repro` in the pipeline)."
 _HOST = re.sub(r"\W", "", platform.node()) or "here"
 
 
@@ -127,7 +128,7 @@ def _check(path: Path, meta: Mapping[str, Any], schema: str, version: int, diges
             f"expected '{schema}' version {version}. Run the stage that makes it again."
         )
     if meta.get("digest") != digest:
-        raise ArtifactError(f"{path}: content does not match its digest (damaged). Delete it and run `dvc repro`.")
+        raise ArtifactError(f"{path}: content does not match its digest (damaged). {_ANEW}")
 
 
 def part(arrays: Mapping[str, AnyArray], prefix: str) -> dict[str, AnyArray]:
@@ -161,7 +162,7 @@ def load_arrays(path: Path | str, *, schema: str, version: int) -> dict[str, Any
     except (OSError, ValueError, KeyError, EOFError) as error:
         raise ArtifactError(f"{path}: not a p2l array artifact ({error})") from error
     except Exception as error:  # zipfile and zlib raise their own types on damaged data
-        raise ArtifactError(f"{path}: damaged ({error}). Delete it and run `dvc repro`.") from error
+        raise ArtifactError(f"{path}: damaged ({error}). {_ANEW}") from error
     _check(path, meta, schema, version, _digest_arrays(arrays))
     return arrays
 
@@ -260,7 +261,7 @@ def load_network(path: Path | str, *, schema: str) -> tuple[dict[str, torch.Tens
                 file.replace(path)  # its process was killed before it could
             return load(data), card
     _require(path)
-    raise ArtifactError(f"{path}: weights do not match their card. Delete both and run `dvc repro`.")
+    raise ArtifactError(f"{path}: weights do not match their card. {_ANEW}")
 
 
 def is_artifact(path: Path) -> bool:

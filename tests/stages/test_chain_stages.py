@@ -271,6 +271,30 @@ def test_policies_that_are_missing_are_all_named_with_those_that_are_there(learn
     assert not any(tmp_path.iterdir())
 
 
+def test_a_run_that_is_not_whole_says_what_it_lacks(alone, tmp_path):
+    shutil.copytree(alone, tmp_path / "run")
+    (tmp_path / "run" / FILE).touch()
+    with pytest.raises(ArtifactError, match=r"run: this run has not finished; .*hydra\.run\.dir=.*run goes on with it"):
+        evaluate(tmp_path, tmp_path, learners=["rc"])
+    (tmp_path / "run" / FILE).unlink()
+    (tmp_path / "run" / "evaluations.csv").unlink()
+    with pytest.raises(ArtifactError, match=r"evaluations\.csv: .*put it back, or learn them anew with `[^`]*`$"):
+        evaluate(tmp_path, tmp_path, learners=["rc"])
+    (tmp_path / "run" / "policy.safetensors").unlink()
+    with pytest.raises(ArtifactError, match=r"policy\.safetensors: missing beside its card; put it back, or learn"):
+        load_policy(tmp_path / "run")
+
+
+def test_a_table_without_rows_says_why(learnt, tmp_path, capsys):
+    transfer = {"learners": ["rc"], "failures": 3, "robosuite_failures": 0, "variants": {}}
+    evaluate(learnt, tmp_path, learners=["pp"], transfer=transfer, reuse={"learners": [], "nominal_runs": 4})
+    told = capsys.readouterr().out
+    assert "table_5_2 has no rows, since transfer.learners names rc; evaluated are pp" in told
+    assert "figure_5_9 has no rows, since reuse.learners names nobody" in told
+    index = load_json(tmp_path / "videos" / "videos.json", schema="videos", version=1)
+    assert index["skipped"] == "no learner of reuse.learners met a failure"
+
+
 @pytest.mark.parametrize(
     ("place", "section"),
     [
@@ -437,7 +461,7 @@ def test_a_finished_run_is_neither_repeated_nor_overwritten(found, tmp_path, mon
     capsys.readouterr()
     again()
     assert "this run has finished already" in capsys.readouterr().out
-    with pytest.raises(ArtifactError, match="holds the policy of a run with another configuration"):
+    with pytest.raises(ArtifactError, match=r"another configuration.*What differs: budget \(600 there, 700 here\)$"):
         again(budget=700)
     assert files() == before
     client = MlflowClient(tracking_uri=store)

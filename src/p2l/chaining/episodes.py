@@ -18,6 +18,7 @@ import pandas as pd
 
 from p2l.artifacts import config_hash
 from p2l.chaining.agent import Agent, load_agent
+from p2l.chaining.checkpoint import FILE as CHECKPOINT
 from p2l.chaining.execute import Overall, nominal_part, overall
 from p2l.chaining.policy import FILE, Card, Policy, policy_hash
 from p2l.chaining.states import action_names
@@ -71,6 +72,11 @@ def check_policies(folder: Path, learners: Sequence[str], seeds: Sequence[int]) 
         ArtifactError: they are.
     """
     if not (folder / "policies").is_dir() and (folder / FILE).is_file():
+        if (folder / CHECKPOINT).is_file():
+            raise ArtifactError(
+                f"{folder}: this run has not finished; `python -m stages.chain_recoveries` with the same settings and "
+                f"hydra.run.dir={folder} goes on with it"
+            )
         return
     there = sorted(place.parent for place in (folder / "policies").glob(f"*/s*/{FILE}.json"))
     wanted = [folder / "policies" / name / f"s{seed}" for name in learners for seed in seeds]

@@ -192,6 +192,21 @@ def evaluate(
     return ChainResults(world, agents, episode_rows, transfer_rows, reuse_rows, variant_episodes)
 
 
+def left_out(subject: Subject, transfers: Transfers, reuse: Reuse, results: ChainResults) -> list[str]:
+    """What a person would look for in the results and not find, each with its reason."""
+    told, elsewhere = [], bool(transfers.failures or transfers.robosuite_failures)
+    for place, names, table in (
+        ("transfer.learners", transfers.learners if elsewhere else subject.learners, "table_5_2"),
+        ("reuse.learners", reuse.learners, "figure_5_9"),
+    ):
+        if not set(names) & set(subject.learners):
+            given = f"{place} names {', '.join(names) or 'nobody'}"
+            told.append(f"{table} has no rows, since {given}; evaluated are {', '.join(subject.learners)}")
+    if diverged := int(results.episodes["diverged"].sum()):
+        told.append(f"the simulation of {diverged} of {len(results.episodes)} episodes broke down; they are left out")
+    return told
+
+
 def _macros(subject: Subject, agents: Mapping[int, Agents], ceiling: Ceiling) -> dict[int, list[Macro]]:
     """Macros of each seed's search, where there is one."""
     if not ceiling.macros or ceiling.learner not in subject.learners:

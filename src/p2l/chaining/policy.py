@@ -188,6 +188,11 @@ def load_policy(folder: Path, *, identity: str | None = None) -> Policy:
     """
     if absent := not (folder / FILE).is_file() and _card_file(folder).is_file():
         if identity is None:
+            if not (folder / ABSENT).is_file():
+                raise ArtifactError(
+                    f"{folder / FILE}: missing beside its card; put it back, or learn the policy again with "
+                    "`python -m stages.chain_recoveries`"
+                )
             identity = str(load_json(folder / ABSENT, schema="absent_policy", version=1)["policy"])
         weights: Weights = {}
         plain = load_json(_card_file(folder), schema=SCHEMA, version=1)
@@ -254,8 +259,9 @@ def check_policy(
             )
     if card.digest != digest and not transfer:
         raise ArtifactError(
-            f"{where}: learnt in world '{world}' with other parameters or code ({card.digest}, not {digest}); train "
-            "again, or `python -m stages.watch … transfer=true` shows it all the same"
+            f"{where}: learnt in world '{world}' with other parameters or code (digest {card.digest}, this one's is "
+            f"{digest}); name those of its training (world.params.…), train it in this world, or let it act where it "
+            "did not learn: transfer.variants of `evaluate_chains`, transfer=true of `watch`"
         )
 
 

@@ -57,7 +57,9 @@ def read_runs(folder: Path, learners: Sequence[str], seeds: Sequence[int]) -> li
     Raises:
         ArtifactError: a file, a column or a run is missing.
     """
-    advice = "run `python -m stages.chain_recoveries` with compare=[…]"
+    alone = not (folder / "policies").is_dir()
+    again = f"learn them anew with `python -m stages.chain_recoveries`{'' if alone else ' and compare=[…]'}"
+    advice = f"it is what a finished run leaves beside its policy; put it back, or {again}"
     sheets = {name: load_sheet(folder / f"{name}.csv", columns, advice) for name, columns in _COLUMNS.items()}
     runs = []
     for learner in learners:
