@@ -10,6 +10,9 @@ from tqdm import tqdm
 
 from p2l.contracts.domain import Progress
 
+# tqdm wakes its monitor, a daemon thread, when the interpreter ends and does not wait for it: now and then the thread
+# ran on in an interpreter that was gone, and a stage that had finished ended with a segmentation fault.
+tqdm.monitor_interval = 0
 
 @contextmanager
 def bar(title: str, unit: str = "it") -> Iterator[Progress]:
