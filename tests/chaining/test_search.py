@@ -106,7 +106,9 @@ def test_macros_are_looked_for_at_a_few_failures_first():
     for number in range(100 * DEPTH):
         table.add(number % FEWEST, (0, 1, 2, 4), False)
     later = propose(RoundPlan(200, 10), SPACE, table, None, features, rng)
-    assert {failure for failure, _ in later} == set(range(FEWEST, 100))  # the first ones have been given up
+    beyond = [failure for failure, _ in later if failure >= FEWEST]  # the first ones have been given up
+    assert set(beyond) == set(range(FEWEST, 100))
+    assert len(beyond) > 0.6 * len(later)
 
 
 def test_a_search_looks_further_than_at_the_first_macro_that_helped():
@@ -115,14 +117,59 @@ def test_a_search_looks_further_than_at_the_first_macro_that_helped():
     space = MacroSpace(primitives=12, options=3, longest=8)
     for number in range(30):
         table.add(number, (0, 1, 12), number % 3 == 0)
-    rounds = [propose(RoundPlan(50, 60), space, table, None, features, rng) for _ in range(20)]
-    for proposed in rounds:
+    trials = []
+    for _ in range(20):
+        proposed = propose(RoundPlan(50, 60), space, table, None, features, rng)
         assert 40 <= len(proposed) <= 50
-    trials = [trial for proposed in rounds for trial in proposed]
+        for failure, macro in proposed:
+            table.add(failure, macro, macro == (0, 1, 12) and failure % 3 == 0)
+        trials += proposed
     anywhere = [macro for failure, macro in trials if failure >= FEWEST]
     assert len(anywhere) > 0.6 * len(trials)
-    assert len({macro for macro in anywhere if macro != (0, 1, 12)}) > 0.2 * len(trials)
+    assert len({macro for macro in anywhere if macro != (0, 1, 12)}) > 0.15 * len(trials)
     assert anywhere.count((0, 1, 12)) > 0.1 * len(trials)  # known ones are measured where they were not met before
+
+
+def test_a_short_macro_is_not_forgotten_because_it_failed_once():
+    """It helps at a third of the failures; the search met it again 2,200 trials after its first one had failed."""
+    rng, features, table = np.random.default_rng(0), np.zeros((500, 1)), OutcomeTable()
+    space = MacroSpace(primitives=12, options=3, longest=8)
+    table.add(0, (3, 14), False)
+    for number in range(60):
+        table.add(number, (4, 4, 12), number == 7)
+    tries = 0
+    for _ in range(12):
+        proposed = propose(RoundPlan(50, 60), space, table, None, features, rng)
+        tries += sum(macro == (3, 14) for _, macro in proposed)
+        for failure, macro in proposed:
+            table.add(failure, macro, macro == (3, 14) and failure % 3 == 0)
+    assert tries > 20
+    assert table.winners(1) == [(3, 14)]
+
+
+def test_short_macros_are_all_of_one_primitive_at_most():
+    assert sorted(MacroSpace(primitives=2, options=2, longest=8).short()) == [
+        (0, 2), (0, 3), (1, 2), (1, 3), (2,), (3,)
+    ]  # fmt: skip
+
+
+def test_of_new_macros_the_trees_pick_one():
+    """Macros with primitive 0 help everywhere, others nowhere: of those that are drawn anew, more have it."""
+    rng, features, table = np.random.default_rng(0), np.zeros((300, 1)), OutcomeTable()
+    space = MacroSpace(primitives=8, options=2, longest=6)
+    for number in range(300):
+        macro = space.random(rng)
+        table.add(number, macro, 0 in macro)
+    model = SuccessModel.fit(features, table, space, 0)
+    chances = model.probability(features[:2], [(0, 8), (1, 9)])
+    np.testing.assert_array_equal(model.of_pairs(features[:2], [(0, 8), (1, 9)]), np.diag(chances))
+    known, shares = set(table.macro), []
+    for each in (None, model):
+        trials = propose(RoundPlan(200, 1), space, table, each, features, np.random.default_rng(1))
+        new = [macro for _, macro in trials if macro not in known and len(macro) > 2]
+        assert len(new) > 20
+        shares.append(np.mean([0 in macro for macro in new]))
+    assert shares[1] > shares[0] + 0.2
 
 
 def test_few_failures_leave_every_kind_of_trial_its_share():

@@ -24,7 +24,7 @@ from p2l.failures.record import Failures
 from p2l.ledger import Item, find, place, write
 
 VERSION = 3  # raise it when an edit of the code changes results: committed records hold no hash of the code
-VERSIONS = {"search": 4, "search_mixed": 5}  # of learners, by name or registered name, whose code has changed since
+VERSIONS = {"search": 5, "search_mixed": 6}  # of learners, by name or registered name, whose code has changed since
 POLICIES = "policies"
 DIGITS = 6  # of the numbers in a record
 TIMES = ["seconds", "evaluation_seconds", "control_steps_per_s"]  # earlier records hold them; no table does

@@ -44,6 +44,11 @@ class MacroSpace:
             body.append(body[-1] if again else int(rng.integers(self.primitives)))
         return (*body, self._option(rng))
 
+    def short(self) -> list[Macro]:
+        """All of one primitive at most."""
+        ends = range(self.primitives, self.primitives + self.options)
+        return [(*body, option) for body in [(), *((one,) for one in range(self.primitives))] for option in ends]
+
     def neighbour(self, macro: Macro, rng: np.random.Generator) -> Macro:
         """With a primitive more, one fewer, another one, or another option."""
         *body, option = macro

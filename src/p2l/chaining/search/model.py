@@ -118,10 +118,15 @@ class SuccessModel:
 
     def probability(self, features: Array, macros: Sequence[Macro], trees: IntArray | None = None) -> Array:
         """[N, K] of [N, F] by all trees, or by some of them: what those believe."""
-        codes = self.space.encoding(macros)
-        inputs = np.concatenate(
-            [np.repeat(features, len(macros), axis=0), np.tile(codes, (len(features), 1))], axis=1
-        ).astype(np.float32)
+        each, every = np.repeat(features, len(macros), axis=0), np.tile(self.space.encoding(macros), (len(features), 1))
+        return self._votes(each, every, trees).reshape(len(features), len(macros))
+
+    def of_pairs(self, features: Array, macros: Sequence[Macro], trees: IntArray | None = None) -> Array:
+        """[N] of [N, F], each with its own macro; see `probability`."""
+        return self._votes(features, self.space.encoding(macros), trees)
+
+    def _votes(self, features: Array, codes: Array, trees: IntArray | None) -> Array:
+        inputs = np.concatenate([features, codes], axis=1).astype(np.float32)
         every = self.forest.estimators_
-        votes = [every[tree].predict_proba(inputs)[:, 1] for tree in (range(len(every)) if trees is None else trees)]
-        return np.mean(votes, axis=0).reshape(len(features), len(macros))
+        asked = range(len(every)) if trees is None else trees
+        return np.mean([every[tree].predict_proba(inputs)[:, 1] for tree in asked], axis=0)
