@@ -1,5 +1,7 @@
 """The door: what it tells of a grasp, when it flags, which ranges it refuses, and that its chain opens it."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
@@ -7,7 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from p2l.contracts.rows import Command
 from p2l.errors import ConfigError
 from p2l.skills import chain
-from p2l.worlds.door.handles import HANDLES, axis_of, find, grasp_pose, hinge_of
+from p2l.worlds.door.handles import DOOR, HANDLES, axis_of, find, grasp_pose, hinge_of
 from p2l.worlds.door.world import FORCE, MISSED_HANDLE, OPEN_RAD, SLIP_PULLING, Door
 
 
@@ -86,6 +88,34 @@ def test_pressing_hard_is_flagged_as_force():
     assert_array_equal(kind, FORCE)
 
 
+@pytest.mark.parametrize(("handle", "springs_back", "shuts"), [("1", True, False), ("real", False, True)])
+def test_a_lever_stays_where_it_was_left_on_the_real_door_alone(handle, springs_back, shuts):
+    """The other one springs back, and the door stays where it is: a failure leaves nothing behind but an open crack."""
+    world = Door(estimator="exact", handle=handle)
+
+    def left(latch_rad, hinge_rad):
+        rows = world.sample(np.random.default_rng(0), 4)
+        states = rows.states.copy()
+        states[:, world._columns[f"{DOOR}_latch_joint"]] = latch_rad
+        states[:, world._columns[f"{DOOR}_hinge"]] = hinge_rad
+        rows = replace(rows, states=states)
+        for _ in range(60):
+            rows, _, _ = world.advance(rows, hold(world, rows, 0.0))
+        return world.joint(rows, f"{DOOR}_latch_joint"), world.joint(rows, f"{DOOR}_hinge")
+
+    lever, _ = left(0.9, 0.0)
+    assert (np.abs(lever) < 0.15).all() if springs_back else (lever > 0.8).all()
+    _, ajar = left(1.3, 0.12)
+    assert (ajar < 0.02).all() if shuts else (ajar > 0.1).all()
+
+
+def test_a_door_without_later_fields_is_the_one_that_it_was():
+    """Committed records and policies know it by its digest."""
+    assert Door(estimator="fixed").digest == "b28bab3846107b3f"
+    assert HANDLES["1"].identity == repr(HANDLES["1"])
+    assert HANDLES["real"].identity != repr(HANDLES["real"])
+
+
 def test_rows_of_one_batch_have_different_handles():
     world = Door(estimator="exact", handle=list(HANDLES))
     rows = world.sample(np.random.default_rng(0), 60)
@@ -95,7 +125,7 @@ def test_rows_of_one_batch_have_different_handles():
 
 
 def test_bad_parameters_are_told_before_anything_runs():
-    with pytest.raises(ConfigError, match=r"unknown handle 6; known handles: 1, 2, 3, 4, 5, full_size"):
+    with pytest.raises(ConfigError, match=r"unknown handle 6; known handles: 1, 2, 3, 4, 5, real, full_size"):
         Door(handle="6")
     with pytest.raises(ConfigError, match=r"unknown arm 'Bender'; known arms: Panda"):
         Door(arm="Bender")

@@ -1,5 +1,8 @@
 """The doors of table 4.2: five levers from thick to thin and short, and a full-sized door with a slippery cylinder.
 
+`real` is the first of them with the joints of the author's scene: a closer shuts the door, and a lever stays where it
+was left, so that going back to the start does not find the world as it was.
+
 A shape is an edit of robosuite's door before it is compiled; every shape leaves the model's sizes as they are, so rows
 of one batch may have different handles.
 """
@@ -7,7 +10,7 @@ of one batch may have different handles.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import mujoco
 import numpy as np
@@ -21,6 +24,9 @@ HINGE_FROM_AXIS_M = 0.43  # robosuite's
 GRASP_FROM_SITE_M = 0.045  # the nominal grasp, from the handle's position towards its axis
 GRASP_DEEPER_M = 0.04  # and beyond the lever's middle: with the exact state the palm leans on the lever
 LATCH_DAMPING_NMS = 0.2  # N·m·s/rad; without it a lever that is let go swings for four seconds
+LATCH_FRICTION_NM = 0.1  # robosuite's
+STIFF = [0.99, 0.99, 0.001, 0.5, 2.0]  # of dry friction: with MuJoCo's 0.9 a lever at rest creeps by 0.055 rad/s
+LATER = {"latch_friction_nm": LATCH_FRICTION_NM, "latch_damping_nms": LATCH_DAMPING_NMS}
 LEVER_OUT_M = 0.10  # robosuite's: from the door's middle plane to the middle of the lever
 SITE_FROM_TIP_M = 0.025  # robosuite's: what counts as the handle's position lies that far from the tip
 
@@ -38,6 +44,9 @@ class Handle:
         weight: mass and inertia of the door, as a multiple of robosuite's 2.4 kg.
         hinge_friction_nm: N·m that the hinge resists with.
         closer_nm_per_rad: stiffness of the spring that closes the door.
+        latch_friction_nm: N·m that the lever's axis resists with; 0.1 is robosuite's. Its spring has 1 N·m/rad, so that
+            with 1 N·m a lever stays where it was left.
+        latch_damping_nms: N·m·s/rad of the lever's axis.
     """
 
     length_m: float
@@ -48,6 +57,14 @@ class Handle:
     weight: float = 1.0
     hinge_friction_nm: float = 0.0
     closer_nm_per_rad: float = 0.0
+    latch_friction_nm: float = field(default=LATCH_FRICTION_NM, repr=False)
+    latch_damping_nms: float = field(default=LATCH_DAMPING_NMS, repr=False)
+
+    @property
+    def identity(self) -> str:
+        """What a world's digest knows of it: a handle as there was before there were `LATER` fields is the same one."""
+        differing = {name: getattr(self, name) for name in LATER if getattr(self, name) != LATER[name]}
+        return repr(self) + (str(differing) if differing else "")
 
     @property
     def site_m(self) -> float:
@@ -61,6 +78,7 @@ HANDLES: Mapping[str, Handle] = {
     "3": Handle(0.150, 0.030, 0.030),
     "4": Handle(0.140, 0.026, 0.024),
     "5": Handle(0.095, 0.012, 0.012),
+    "real": Handle(0.150, 0.040, 0.030, closer_nm_per_rad=20.0, latch_friction_nm=1.0, latch_damping_nms=0.0),
     "full_size": Handle(0.140, 0.030, 0.030, True, friction=0.4, weight=4.0, hinge_friction_nm=0.8),
 }
 NOMINAL = HANDLES["1"]
@@ -94,7 +112,11 @@ def shape(handle: Handle) -> Callable[[mujoco.MjSpec], None]:
         hinge = spec.joint(f"{DOOR}_hinge")
         hinge.frictionloss = handle.hinge_friction_nm
         hinge.stiffness = [handle.closer_nm_per_rad, 0.0, 0.0]
-        spec.joint(f"{DOOR}_latch_joint").damping = [LATCH_DAMPING_NMS, 0.0, 0.0]
+        latch = spec.joint(f"{DOOR}_latch_joint")
+        latch.damping = [handle.latch_damping_nms, 0.0, 0.0]
+        latch.frictionloss = handle.latch_friction_nm
+        if handle.latch_friction_nm != LATCH_FRICTION_NM:
+            latch.solimp_friction = STIFF
 
     return edit
 
