@@ -17,8 +17,8 @@ Deviations from the thesis and its author's settings, each where they are silent
    were chosen (seeds 100–131) so that open-loop execution with noise succeeds as often as the thesis's, 71 %.
 7. The latch is damped (0.2 N·m·s/rad); robosuite's swings for four seconds when it is let go. The handle `real` has the
    author's joints instead (`worlds.door.handles`): a lever stays where a failure left it, and a closer shuts the door.
-   Its friction is stiffer than MuJoCo's default, with which a lever at rest would creep by 0.055 rad/s (now 0.006). With
-   the exact state it opens as often as the other one (199 of 200), with σ = 1.4 cm in 69 % of 400 episodes.
+   Its friction is stiffer than MuJoCo's default, with which a lever at rest would creep by 0.055 rad/s (now 0.006).
+   With the exact state it opens as often as the other one (199 of 200), with σ = 1.4 cm in 69 % of 400 episodes.
 
 Axis letters: N rows.
 """
