@@ -11,7 +11,7 @@ from stages import evaluate_recoveries
 from tests.stages import recovering
 
 recovering.STAGES["evaluate_recoveries"] = evaluate_recoveries
-TABLES = ("table_4_1", "table_4_2", "figure_4_6", "figure_4_7")
+TABLES = ("table_4_1", "table_4_2", "figure_4_6", "figure_4_7", "success_within")
 
 
 @pytest.fixture(scope="module")

@@ -34,6 +34,7 @@ SECTIONS: tuple[Callable[[Sources], Section], ...] = (
     recoveries.learning,
     strategies.curves,
     strategies.table_4_1,
+    strategies.within,
     strategies.table_4_2,
     *chains.SECTIONS,
     *chain_reuse.SECTIONS,

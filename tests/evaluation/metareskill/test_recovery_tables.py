@@ -8,6 +8,7 @@ from p2l.errors import ArtifactError
 from p2l.evaluation.metareskill.curves import draw_4_6, draw_4_7, figure_4_6, figure_4_7
 from p2l.evaluation.metareskill.evaluation import read_rounds
 from p2l.evaluation.metareskill.tables import paired_gain, table_4_1, table_4_2
+from p2l.evaluation.metareskill.within import SKILLS, WAY, draw_within, success_within
 from p2l.evaluation.rows import COLUMNS
 from p2l.evaluation.statistics import wilson_interval
 from p2l.evaluation.thesis import load_thesis
@@ -74,6 +75,21 @@ def test_table_4_2_has_a_gain_for_each_door_and_one_for_all_unseen_ones(thesis):
     assert (both["mean"], both["n"], both["thesis"]) == (pytest.approx(0.3), 20, 0.175)
     assert cell(table, "recoveries", "success", "simulator=robosuite")["mean"] == 0.7
     assert not len(table_4_2(pd.concat(parts).iloc[:0], unseen, thesis, np.random.default_rng(0)))
+
+
+def test_success_within_counts_what_has_succeeded_by_then(thesis):
+    one, other = episodes("recoveries", 0, 6, broken=(9,)), episodes("recoveries", 1, 6, broken=(9,))
+    parts = [part.assign(options=[3, 3, 4, 4, 4, 6, 6, 6, 6, 6]) for part in (one, other, episodes("retry", 0, 0))]
+    table = success_within(pd.concat(parts, ignore_index=True), thesis)
+    assert tuple(table.columns) == COLUMNS
+    rates = {count: cell(table, "recoveries", SKILLS, f"skills={count}")["mean"] for count in range(1, 7)}
+    assert rates == pytest.approx({1: 0.0, 2: 0.0, 3: 2 / 9, 4: 5 / 9, 5: 5 / 9, 6: 6 / 9})
+    assert cell(table, "recoveries", WAY, "way_m=0.7")["mean"] == pytest.approx(3 / 9)  # 0.5, 0.6 and 0.7 m
+    assert cell(table, "recoveries", WAY, "way_m=1.0")["mean"] == pytest.approx(6 / 9)
+    assert cell(table, "recoveries", SKILLS, "skills=4")["n"] == 2  # trainings
+    assert cell(table, "retry", SKILLS, "skills=6")["high"] == pytest.approx(wilson_interval(0, 10)[1])
+    assert not len(success_within(parts[0].iloc[:0], thesis))
+    assert len(draw_within(table, "door").axes) == 2
 
 
 def test_the_bootstrap_of_a_gain_draws_seeds_and_rows():

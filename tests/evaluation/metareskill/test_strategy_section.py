@@ -8,6 +8,7 @@ from p2l.errors import ArtifactError
 from p2l.evaluation.metareskill import strategies
 from p2l.evaluation.metareskill.curves import figure_4_6, figure_4_7
 from p2l.evaluation.metareskill.tables import table_4_1, table_4_2
+from p2l.evaluation.metareskill.within import success_within
 from p2l.evaluation.page.page import Picture, Reading, render
 from p2l.evaluation.page.sources import Sources
 from p2l.evaluation.thesis import load_thesis
@@ -37,6 +38,7 @@ def made(tmp_path_factory):
         "table_4_2": table_4_2(doors, ["handle=2"], thesis, rng),
         "figure_4_6": figure_4_6(values, allocation, list(curves), thesis),
         "figure_4_7": figure_4_7(values, "metareskill", thesis),
+        "success_within": success_within(compared, thesis),
     }
     folder = data / "evaluate_recoveries" / "door"
     folder.mkdir(parents=True)
@@ -61,6 +63,16 @@ def test_strategies_agree_with_the_thesis_only_where_every_gain_is_clear(made):
     assert [sheet.name for sheet in section.sheets] == ["table_4_1"]
 
 
+def test_success_within_so_many_skills_has_a_figure_and_its_table(made):
+    section = strategies.within(made)
+    assert [part.name for part in section.parts if isinstance(part, Picture)] == ["success_within"]
+    [sheet] = section.sheets
+    assert [row[:4] for row in sheet.rows][:3] == [
+        ["recoveries", str(count), "success within skills", f"{rate} %"]
+        for count, rate in ((1, "0.0 [0.0, 8.8]"), (2, "0.0 [0.0, 8.8]"), (3, "95.0 [83.5, 98.6]"))
+    ]
+
+
 def test_a_loss_on_unseen_handles_differs_from_the_thesis(made):
     section = strategies.table_4_2(made)
     assert reading(section).agrees == "no"
@@ -76,7 +88,7 @@ def test_figures_come_with_their_tables(made):
 
 
 def test_left_out_or_missing_is_said(made, tmp_path):
-    for section in (strategies.table_4_1, strategies.table_4_2, strategies.curves):
+    for section in (strategies.table_4_1, strategies.within, strategies.table_4_2, strategies.curves):
         assert "Left out" in section(Sources(made.data, THESIS, (), ("door",))).parts[0]
     with pytest.raises(ArtifactError, match="dvc repro evaluate_recoveries"):
         strategies.table_4_1(Sources(tmp_path, THESIS, (), ("door",), ("door",)))

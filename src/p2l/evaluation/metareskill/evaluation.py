@@ -1,4 +1,4 @@
-"""The report of `evaluate_recoveries`: tables 4.1 and 4.2, figures 4.6 and 4.7, headline numbers."""
+"""The report of `evaluate_recoveries`: tables 4.1 and 4.2, success within so many skills, figures 4.6 and 4.7."""
 
 from __future__ import annotations
 
@@ -13,6 +13,8 @@ from p2l.artifacts import finite, save_json
 from p2l.errors import ArtifactError
 from p2l.evaluation.metareskill import curves
 from p2l.evaluation.metareskill.tables import TABLE_4_1, TABLE_4_2, table_4_1, table_4_2
+from p2l.evaluation.metareskill.within import TABLE as WITHIN
+from p2l.evaluation.metareskill.within import draw_within, success_within
 from p2l.evaluation.sheets import StageReport, load_sheet, save_sheets
 from p2l.evaluation.thesis import Thesis, load_thesis
 from p2l.metareskill.record import Recoveries
@@ -56,7 +58,7 @@ def read_rounds(path: Path, seeds: Sequence[int]) -> pd.DataFrame:
 
 
 def evaluation_report(out: Path, evaluation: RecoveryEvaluation, thesis: Path, seed: int) -> StageReport:
-    """Write the four tables as CSV, the two figures as PNG, and summary.json.
+    """Write the tables as CSV, the figures as PNG, and summary.json.
 
     Args:
         out: folder.
@@ -70,6 +72,7 @@ def evaluation_report(out: Path, evaluation: RecoveryEvaluation, thesis: Path, s
         "figure_4_7": curves.draw_4_7(
             tables["figure_4_7"], f"{evaluation.item}: value of failures while recoveries are trained"
         ),
+        WITHIN: draw_within(tables[WITHIN], f"{evaluation.item}: success against the skills and the way it took"),
     }
     save_sheets(out, tables, figures)
     metrics = _headline(tables)
@@ -108,6 +111,7 @@ def _tables(evaluation: RecoveryEvaluation, thesis: Thesis, seed: int) -> dict[s
     return {
         "table_4_1": table_4_1(episodes[plain], thesis, rng[TABLE_4_1]),
         "table_4_2": table_4_2(episodes[~plain], evaluation.unseen, thesis, rng[TABLE_4_2]),
+        WITHIN: success_within(episodes[plain], thesis),
         "figure_4_6": curves.figure_4_6(values, allocation, choosers[:2], thesis),
         "figure_4_7": curves.figure_4_7(values, choosers[0], thesis),
     }

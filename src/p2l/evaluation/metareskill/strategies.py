@@ -1,4 +1,4 @@
-"""Sections of chapter 4: learnt recoveries beside heuristic strategies, on other doors, and choosers compared."""
+"""Sections of chapter 4: learnt recoveries beside heuristic strategies, how soon, on other doors, choosers compared."""
 
 from __future__ import annotations
 
@@ -9,6 +9,8 @@ from typing import Any
 import pandas as pd
 
 from p2l.evaluation.metareskill.tables import UNSEEN
+from p2l.evaluation.metareskill.within import SKILLS
+from p2l.evaluation.metareskill.within import TABLE as WITHIN
 from p2l.evaluation.page.page import Agreement, PageTable, Part, Picture, Reading, Section
 from p2l.evaluation.page.sources import Sources
 from p2l.evaluation.page.views import estimate, setting_label, stage_commands
@@ -17,7 +19,7 @@ from p2l.metareskill.strategy_names import OPEN_LOOP, RECOVERIES
 
 CHAPTER, STAGE = 4, "evaluate_recoveries"
 NEAR = 0.05  # a success rate this far below the thesis's still counts as reproduced
-IN_PERCENT = ("success", "gain", "recovered", "diverged")
+IN_PERCENT = ("success", SKILLS, "gain", "recovered", "diverged")
 TABLE_METRICS = ("success", "path_m_success", "options", "gain")
 CURVE_METRICS = ("final_gain", "budget_share", "better", "trained")
 PROTOCOL_4_1 = (
@@ -29,6 +31,14 @@ PROTOCOL_4_2 = (
     "The estimate is exact once the first skill has ended. Recoveries, preconditions and failure modes are those "
     "learnt on the nominal handle; in the rows of robosuite its own Door, controller and test of success are used. "
     "The thesis's rows are 10 to 20 attempts on a real robot."
+)
+PROTOCOL_WITHIN = (
+    "The episodes of table 4.1. A strategy that starts all over needs five skills where a recovery needs four, and a "
+    "longer way; success at ten skills does not tell."
+)
+CAPTION_WITHIN = (
+    "share of episodes that have succeeded within so many skills (left), and within so long a way of the hand (right); "
+    "bands are 95 % intervals."
 )
 CURVES = {
     "figure_4_6": "Left: value of failures while recoveries are trained in turn. Right: rounds that each recovery got.",
@@ -42,6 +52,22 @@ CURVES = {
 def table_4_1(sources: Sources) -> Section:
     """Six strategies in simulation."""
     return _section(sources, "Table 4.1: recovery strategies in simulation", PROTOCOL_4_1, "table_4_1", _strategies)
+
+
+def within(sources: Sources) -> Section:
+    """Success against the number of skills, and against the way of the hand."""
+    title = "Success within so many skills"
+    if not sources.recovery_worlds:
+        return _missing(title)
+    parts: list[Part] = [PROTOCOL_WITHIN]
+    for place, world in enumerate(sources.recovery_worlds):
+        table, name = _read(sources, world, WITHIN), _report_name(WITHIN, world, place)
+        if not len(table):
+            parts.append(f"{world}: left out by its configuration.")
+            continue
+        parts.append(Picture(name, sources.image(STAGE, world, f"{WITHIN}.png"), f"{world}: {CAPTION_WITHIN}"))
+        parts.append(_sheet(name, table, (SKILLS,)))
+    return Section(title, parts, stage_commands(STAGE, sources.recovery_worlds))
 
 
 def table_4_2(sources: Sources) -> Section:

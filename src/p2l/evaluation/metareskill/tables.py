@@ -101,7 +101,7 @@ def _rows(method: str, setting: str, part: pd.DataFrame) -> list[Row]:
 def _measures(method: str, setting: str, part: pd.DataFrame) -> list[Row]:
     sound = part[~part["diverged"]]
     good = sound[sound["success"].astype(bool)]
-    rows = [_rate(method, setting, "success", sound, sound["success"])]
+    rows = [rate_of(method, setting, "success", sound, sound["success"])]
     for name, column, among in (("path_m", "path_m", sound), ("path_m_success", "path_m", good)):
         if len(among):
             rows.append(_mean(method, setting, name, among, column))
@@ -109,8 +109,8 @@ def _measures(method: str, setting: str, part: pd.DataFrame) -> list[Row]:
         rows.append(single_row(method, setting, "path_m_success_sd", float(good["path_m"].std(ddof=1)), len(good)))
     if len(sound):
         rows.append(_mean(method, setting, "options", sound, "options"))
-    rows.append(_rate(method, setting, "recovered", sound, sound["recoveries"] > 0))
-    rows.append(_rate(method, setting, "diverged", part, part["diverged"]))
+    rows.append(rate_of(method, setting, "recovered", sound, sound["recoveries"] > 0))
+    rows.append(rate_of(method, setting, "diverged", part, part["diverged"]))
     return rows
 
 
@@ -146,7 +146,8 @@ def _with_gains(table: pd.DataFrame, thesis: Thesis, item: str) -> pd.DataFrame:
     return table.assign(thesis=np.array(references, dtype=float))
 
 
-def _rate(method: str, setting: str, metric: str, episodes: pd.DataFrame, hits: pd.Series[bool]) -> Row:
+def rate_of(method: str, setting: str, metric: str, episodes: pd.DataFrame, hits: pd.Series[bool]) -> Row:
+    """A rate with the interval that is due to it: over trainings of learnt recoveries, over episodes of the others."""
     if method == RECOVERIES:
         return trained_row(method, setting, metric, hits, episodes["seed"])
     return rate_row(method, setting, metric, int(hits.sum()), len(hits))
