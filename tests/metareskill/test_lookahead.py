@@ -1,5 +1,6 @@
 """The chooser that looks ahead: what it believes, what it expects, and when it stops."""
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -22,8 +23,7 @@ from tests.metareskill.skill_graphs import fresh, graphs
 def history_of(graph, outcomes, trials=50):
     """Rounds with given outcomes: (mode, target, q or None where the query was not solved)."""
     todo = iter(outcomes)
-    rule = make_chooser("round_robin")
-    object.__setattr__(rule, "rule", lambda g, h, rng: _next(outcomes, len(h)))
+    rule = replace(make_chooser("round_robin"), rule=lambda g, h, rng: _next(outcomes, len(h)))
 
     def train(mode, target, before):
         _, _, q = next(todo)

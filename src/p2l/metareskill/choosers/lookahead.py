@@ -53,8 +53,8 @@ def lookahead(
         share_rest: likewise about any other.
 
     Raises:
-        ConfigError: a setting out of range.
-        ShapeError: costs that are not of the graph's shape, or not above 0.
+        ConfigError: a setting out of range, or costs that are not above 0; of the rule, costs of another graph's shape.
+        ShapeError: costs that are no table of finite numbers.
     """
     check_number("lookahead: horizon", horizon, low=1, high=50, whole=True)
     check_number("lookahead: c_learn", c_learn, low=0.0)

@@ -48,7 +48,7 @@ def extrapolation(trust: float = 10.0) -> Rule:
     return rule
 
 
-def rising(window: float = 0.25, exploration: float = 0.1, ahead: int = 5) -> Rule:
+def rising(window: float = 0.25, exploration: float = 0.01, ahead: int = 5) -> Rule:
     """The highest value of failures at an optimistic continuation of each recovery's measurements.
 
     Args:
