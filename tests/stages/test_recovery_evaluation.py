@@ -35,14 +35,14 @@ def evaluate(learnt, out, **changes):
 def test_every_item_leaves_a_record_and_every_strategy_meets_the_same_starts(learnt, tmp_path):
     evaluate(learnt, tmp_path / "a", records=str(tmp_path / "records"))
     episodes = load_table(tmp_path / "a" / "episodes.parquet", schema="recovery_episodes", version=1)
-    assert episodes.groupby(["method", "seed"]).size().tolist() == [6] * 12
-    assert len(list((tmp_path / "records").iterdir())) == 12
+    assert episodes.groupby(["method", "seed"]).size().tolist() == [6] * 14
+    assert len(list((tmp_path / "records").iterdir())) == 14
     table = pd.read_csv(tmp_path / "a" / "table_4_1.csv").fillna({"setting": ""})
     pooled = table[(table["metric"] == "success") & (table["setting"] == "")]
-    trained = pooled["method"] == "recoveries"
+    trained = pooled["method"].isin(["recoveries", "recoveries_repeating"])
     assert (pooled["n"][trained] == 2).all()  # trainings
     assert (pooled["n"][~trained] == 12).all()  # episodes
-    assert len(table[(table["metric"] == "gain") & ~table["setting"].str.startswith("seed=")]) == 5
+    assert len(table[(table["metric"] == "gain") & ~table["setting"].str.startswith("seed=")]) == 6
     assert len(pd.read_csv(tmp_path / "a" / "table_4_2.csv")) == 0
     assert load_json(tmp_path / "a" / "summary.json", schema="recovery_evaluation", version=1)["headline"]
 

@@ -25,7 +25,7 @@ from p2l.failures.classifier import ModeClassifier
 from p2l.ledger import Item, find, write
 from p2l.metareskill.record import Recoveries, preconditions_hash, recoveries_hash
 from p2l.metareskill.strategies import playbook
-from p2l.metareskill.strategy_names import OPEN_LOOP, RECOVERIES
+from p2l.metareskill.strategy_names import LEARNT, OPEN_LOOP
 from p2l.metareskill.target import RecoveryTask
 from p2l.seeding import generator
 from p2l.skills.chain import Execution, run
@@ -193,6 +193,6 @@ def _identity(book: EpisodeLedger, place: Place, strategy: str, seed: int, recov
     if strategy != OPEN_LOOP:
         rewards = [graph.skill_reward, graph.recovery_reward, graph.c_fail]
         decisive += [book.max_options, preconditions_hash(place.task.preconditions), str(recoveries.timing), *rewards]
-    if strategy == RECOVERIES:
+    if strategy in LEARNT:
         decisive += [recoveries.modes, recoveries_hash(recoveries), POLICY]
     return config_hash(decisive)

@@ -8,6 +8,7 @@ nominal skill of the most valuable one follows. If none does, the strategies dif
 - `to_previous`: straight to where the skill that has just been executed should have started.
 - `to_start`: straight to where the chain starts.
 - `no_recovery`: the episode ends.
+- `recoveries_repeating`: `recoveries` without the no-progress rule (5 below), to know what it is worth.
 - `open_loop`: preconditions are not looked at; the chain is executed once.
 
 Where the thesis is silent:
@@ -19,10 +20,10 @@ Where the thesis is silent:
    turn, and then the best one again, up to the limit of skills.
 4. Where the graph values giving up above every recovery, the best one is executed all the same: an episode that ends
    there is a failure for sure.
-5. A nominal skill that has just been executed, and whose own precondition is still the most valuable one that holds,
-   has led nowhere either: the robot is lost as if none held. Only `no_recovery`, which has nothing else to do, repeats
-   it. A learnt precondition also holds in states that the skill does not change: of a development run's failures on
-   unseen levers, nine in ten had repeated the first skill up to the limit.
+5. The no-progress rule: a nominal skill that has just been executed, and whose own precondition is still the most
+   valuable one that holds, has led nowhere either: the robot is lost as if none held. `no_recovery`, which has nothing
+   else to do, repeats it. A learnt precondition also holds in states that the skill does not change: of a development
+   run's failures on unseen levers, nine in ten had repeated the first skill up to the limit.
 
 Axis letters: N rows, K nominal skills, I modes, M targets.
 """
@@ -40,7 +41,7 @@ from p2l.errors import ConfigError
 from p2l.failures.classifier import ModeClassifier
 from p2l.metareskill.graph import SkillGraph
 from p2l.metareskill.regression import ParameterisedSkill
-from p2l.metareskill.strategy_names import STRATEGIES
+from p2l.metareskill.strategy_names import LEARNT, REPEATING, STRATEGIES
 from p2l.metareskill.target import RecoveryTask
 from p2l.metareskill.value_iteration import NONE, best_recovery, nominal_policy
 from p2l.records import IntArray
@@ -78,12 +79,12 @@ class _Policy:
     graph: SkillGraph
     max_options: int
 
-    def choose(self, otherwise: Otherwise, *, repeat: bool = False) -> Choose:
+    def choose(self, otherwise: Otherwise, *, no_progress: bool = True) -> Choose:
         """The policy as `skills.chain.run` takes it.
 
         Args:
             otherwise: options [N] for moments [N] at which the robot is lost, and their observations.
-            repeat: whether a nominal skill may follow itself.
+            no_progress: whether the robot is lost, too, where a nominal skill would follow itself (deviation 5).
         """
         rng = np.random.default_rng(0)  # `nominal_policy` wants one; preconditions are no tie, each is a skill apart
 
@@ -93,7 +94,9 @@ class _Policy:
             holds = self.task.preconditions.holds(self.task.symbols.state(observation), done)
             option = nominal_policy(self.graph, holds, rng)
             over = done | (moments.rows.actions >= self.max_options)
-            lost = option == NONE if repeat else (option == NONE) | (option == moments.option)
+            lost = option == NONE
+            if no_progress:
+                lost |= option == moments.option
             lost &= ~over
             option[over] = FINISH
             if lost.any():
@@ -124,8 +127,8 @@ def playbook(
         graph: values of preconditions, and of the recoveries where there are some.
         timing: of recoveries.
         rng: breaks ties among equally valuable recoveries, once.
-        modes: the failure classifier, for `recoveries`.
-        skills: by (mode, target), for `recoveries`.
+        modes: the failure classifier, for learnt recoveries.
+        skills: by (mode, target), for learnt recoveries.
         max_options: an episode ends after as many.
 
     Raises:
@@ -136,10 +139,10 @@ def playbook(
     if strategy == "open_loop":
         return Playbook(tuple(nominal), in_order(nominal))
     policy = _Policy(task, graph, max_options)
-    if strategy == "recoveries":
+    if strategy in LEARNT:
         if modes is None or skills is None:
-            raise ConfigError("strategy 'recoveries' needs failure modes and learnt skills")
-        return _recoveries(policy, nominal, timing, rng, modes, skills)
+            raise ConfigError(f"strategy '{strategy}' needs failure modes and learnt skills")
+        return _recoveries(policy, nominal, timing, rng, modes, skills, no_progress=strategy != REPEATING)
     count = len(nominal)
     moves = tuple(relative(f"to_{name}", _straight(task, k), timing) for k, name in enumerate(task.targets[:-1]))
     otherwise: dict[str, Otherwise] = {
@@ -148,7 +151,7 @@ def playbook(
         "to_start": lambda moments, _observation: np.full(len(moments), count),
         "no_recovery": lambda moments, _observation: np.full(len(moments), FINISH),
     }
-    return Playbook((*nominal, *moves), policy.choose(otherwise[strategy], repeat=strategy == "no_recovery"))
+    return Playbook((*nominal, *moves), policy.choose(otherwise[strategy], no_progress=strategy != "no_recovery"))
 
 
 def _recoveries(
@@ -158,6 +161,8 @@ def _recoveries(
     rng: np.random.Generator,
     modes: ModeClassifier,
     skills: Skills,
+    *,
+    no_progress: bool,
 ) -> Playbook:
     task, graph, executions = policy.task, policy.graph, _Executions(policy.graph.q.shape)
     order = rng.random(graph.q.shape)
@@ -175,7 +180,7 @@ def _recoveries(
         executions.count(moments.episode[feasible], mode[feasible], target[feasible])
         return np.where(feasible, option[mode, target], FINISH)
 
-    return Playbook((*nominal, *recoveries), policy.choose(recover))
+    return Playbook((*nominal, *recoveries), policy.choose(recover, no_progress=no_progress))
 
 
 class _Executions:

@@ -2,5 +2,6 @@
 
 from __future__ import annotations
 
-RECOVERIES, OPEN_LOOP = "recoveries", "open_loop"
-STRATEGIES = (RECOVERIES, "retry", "to_previous", "to_start", "no_recovery", OPEN_LOOP)
+RECOVERIES, REPEATING, OPEN_LOOP = "recoveries", "recoveries_repeating", "open_loop"
+LEARNT = (RECOVERIES, REPEATING)  # depend on a training
+STRATEGIES = (RECOVERIES, "retry", "to_previous", "to_start", "no_recovery", REPEATING, OPEN_LOOP)

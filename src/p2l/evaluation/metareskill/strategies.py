@@ -15,7 +15,7 @@ from p2l.evaluation.page.page import Agreement, PageTable, Part, Picture, Readin
 from p2l.evaluation.page.sources import Sources
 from p2l.evaluation.page.views import estimate, setting_label, stage_commands
 from p2l.evaluation.statistics import TRAININGS
-from p2l.metareskill.strategy_names import OPEN_LOOP, RECOVERIES
+from p2l.metareskill.strategy_names import LEARNT, OPEN_LOOP, RECOVERIES
 
 CHAPTER, STAGE = 4, "evaluate_recoveries"
 NEAR = 0.05  # a success rate this far below the thesis's still counts as reproduced
@@ -115,7 +115,8 @@ def _section(
 def _strategies(sources: Sources, world: str, table: pd.DataFrame) -> Reading:
     cells = {(row["method"], row["setting"], row["metric"]): row for row in _aggregates(table, ("success", "gain"))}
     ours = cells.get((RECOVERIES, "", "success"))
-    gains = {key[1].removeprefix("over="): row for key, row in cells.items() if key[2] == "gain"}
+    others = {key[1].removeprefix("over="): row for key, row in cells.items() if key[2] == "gain"}
+    gains = {name: row for name, row in others.items() if name not in LEARNT}
     claim = sources.chapter(CHAPTER).claims["table_4_1", "success"]
     if ours is None or not gains:
         return Reading(claim, f"{world}: recoveries were not compared.")

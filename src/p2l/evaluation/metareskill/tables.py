@@ -26,7 +26,7 @@ import pandas as pd
 from p2l.evaluation.rows import Row, interval_row, rate_row, setting_of, single_row, table_of, trained_row
 from p2l.evaluation.statistics import Interval, mean_interval, resample_weights
 from p2l.evaluation.thesis import Thesis
-from p2l.metareskill.strategy_names import OPEN_LOOP, RECOVERIES
+from p2l.metareskill.strategy_names import LEARNT, OPEN_LOOP, RECOVERIES
 
 TABLE_4_1, TABLE_4_2 = "table_4_1", "table_4_2"
 UNSEEN = "unseen"
@@ -148,12 +148,12 @@ def _with_gains(table: pd.DataFrame, thesis: Thesis, item: str) -> pd.DataFrame:
 
 def rate_of(method: str, setting: str, metric: str, episodes: pd.DataFrame, hits: pd.Series[bool]) -> Row:
     """A rate with the interval that is due to it: over trainings of learnt recoveries, over episodes of the others."""
-    if method == RECOVERIES:
+    if method in LEARNT:
         return trained_row(method, setting, metric, hits, episodes["seed"])
     return rate_row(method, setting, metric, int(hits.sum()), len(hits))
 
 
 def _mean(method: str, setting: str, metric: str, episodes: pd.DataFrame, column: str) -> Row:
     values = episodes[column].astype(float)
-    groups = [own for _, own in values.groupby(episodes["seed"])] if method == RECOVERIES else [values]
+    groups = [own for _, own in values.groupby(episodes["seed"])] if method in LEARNT else [values]
     return interval_row(method, setting, metric, mean_interval(groups))
