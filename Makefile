@@ -2,7 +2,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help venv install repro checkout test lint ui watch thesis lock clean
+.PHONY: help venv install repro checkout test lint ui watch thesis results lock clean
 
 PYTHON ?= python3.11
 PORT ?= 5000
@@ -66,6 +66,9 @@ watch: $(STAMP) ## film a nominal run, a recorded failure (make watch world=door
 
 thesis: $(STAMP) ## the thesis's budgets, in a clone under build/; finished items land in results/thesis/ (resumable)
 	scripts/thesis.sh
+
+results: $(STAMP) ## docs/results.md from the committed tables; nothing is run
+	$(BIN)/python scripts/results_page.py
 
 lock: ## pin the newest allowed versions anew (pyproject.toml says what is allowed)
 	rm -rf build/lock

@@ -14,6 +14,7 @@ from p2l.contracts.domain import Progress
 # ran on in an interpreter that was gone, and a stage that had finished ended with a segmentation fault.
 tqdm.monitor_interval = 0
 
+
 @contextmanager
 def bar(title: str, unit: str = "it") -> Iterator[Progress]:
     """Yield a function (done, total); when `done` falls back a new phase has begun and the bar starts over."""
