@@ -58,7 +58,7 @@ def render_page(template: str, tables: Path) -> str:
         found = table(name)
         for column, value in where.items():
             if column not in found:
-                raise ArtifactError(f"{tables / name}.csv: has no column {column}; it has {', '.join(found)}")
+                raise ArtifactError(f"{tables / name}.csv: has no column {column}; it has {', '.join(map(str, found))}")
             found = found[found[column].astype(str) == str(value)]
         if len(found) != 1:
             asked = ", ".join(f"{column}={value}" for column, value in where.items())
@@ -73,7 +73,7 @@ def render_page(template: str, tables: Path) -> str:
     def look(name: str, column: str, **where: Any) -> Any:
         found = rows_of(name, where)
         if column not in found:
-            raise ArtifactError(f"{tables / name}.csv: has no column {column}; it has {', '.join(found)}")
+            raise ArtifactError(f"{tables / name}.csv: has no column {column}; it has {', '.join(map(str, found))}")
         return found[column].iloc[0]
 
     environment = jinja2.Environment(
@@ -82,8 +82,8 @@ def render_page(template: str, tables: Path) -> str:
         trim_blocks=True,
         autoescape=False,
     )
-    environment.globals |= {"cell": cell, "look": look, "table": table}
-    environment.filters |= FILTERS
+    environment.globals.update({"cell": cell, "look": look, "table": table})
+    environment.filters.update(FILTERS)
     try:
         page = environment.from_string(template).render()
     except jinja2.TemplateError as error:
