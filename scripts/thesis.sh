@@ -67,4 +67,5 @@ for file in data/*/*/{metrics,summary}.json; do
 done
 cp dvc.lock "$results/dvc.lock"
 cp data/report/metrics.json "$results/metrics/report.json"
+"$root/.venv/bin/python" "$root/scripts/results_page.py"
 echo "results of the thesis preset are in $results"

@@ -51,4 +51,5 @@ for world in "${worlds[@]}"; do
   done
 done
 { echo "# made at commit $(git -C "$clone" rev-parse HEAD)"; cat "$clone/dvc.lock"; } > "$results/dvc-chapter5.lock"
+"$root/.venv/bin/python" "$root/scripts/results_page.py"
 echo "tables and figures of chapter 5 are in $results, policies with their cards in $results/records/policies"
