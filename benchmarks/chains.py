@@ -64,7 +64,7 @@ def chain_task(name: str, threads: int, version: int | None = None) -> ChainTask
     Args:
         name: of the world.
         threads: of its simulator.
-        version: of our worlds, see `worlds.robot.VERSIONS`; the world's default without any.
+        version: of our worlds, see `worlds.physics.VERSIONS`; the world's default without any.
 
     Raises:
         ConfigError: there are none.

@@ -8,10 +8,11 @@ from p2l import make_world, poses
 from p2l.contracts.rows import Command
 from p2l.errors import ConfigError
 from p2l.skills import chain
-from p2l.worlds.robot import VERSIONS
+from p2l.worlds.physics import VERSIONS
 
 OURS = ("cluttered_shelf", "door", "pick_place", "shelf")  # others may have registered more
 PANDA_NM = [80.0] * 5 + [12.0] * 2  # robosuite's motors; the UR5e's are stronger and its wrist's weaker
+STIFF_DOWN = [1.0, 0.6, 1.8, 1.5, 0.8, 0.33]
 UR5E_NM = [150.0] * 3 + [28.0] * 3
 
 
@@ -101,14 +102,40 @@ def test_gains_and_friction_are_scaled_and_nothing_else(name):
 
 
 @pytest.mark.parametrize("name", ["pick_place", "shelf"])
+def test_a_hand_is_stiffer_along_some_axes_than_along_others(name):
+    plain, scaled = (make_world(name, {"nthread": 1, **more}) for more in ({}, {"axis_scale": STIFF_DOWN}))
+    rows = plain.sample(np.random.default_rng(0), 2)
+    command = far_off(plain, rows)
+    expected = plain.control(command)
+    expected[:, plain.engine.impedance_columns] *= STIFF_DOWN
+    np.testing.assert_allclose(scaled.control(command), expected)
+    damping = [world.scenes[0].model.actuator_biasprm[world.engine.impedance_columns, 2] for world in (plain, scaled)]
+    np.testing.assert_allclose(damping[1], damping[0] * STIFF_DOWN)
+    soft = make_world(name, {"nthread": 1, "impratio": 20.0})
+    assert [world.scenes[0].model.opt.impratio for world in (plain, soft)] == [500.0, 20.0]
+
+
+@pytest.mark.parametrize("name", ["pick_place", "shelf"])
 def test_a_scale_of_one_is_the_same_world_and_others_are_others(name):
     """Records of the worlds, written before they had scales, stay theirs."""
     digests = [
         make_world(name, {"nthread": 1, **params}).digest
-        for params in ({}, {"gain_scale": 1.0, "friction_scale": 1.0}, {"gain_scale": 1.3}, {"friction_scale": 1.3})
+        for params in (
+            {},
+            {"gain_scale": 1.0, "friction_scale": 1.0, "axis_scale": [1.0] * 6, "impratio": None},
+            {"gain_scale": 1.3},
+            {"friction_scale": 1.3},
+            {"axis_scale": STIFF_DOWN},
+            {"impratio": 20.0},
+        )
     ]
     assert digests[0] == digests[1]
-    assert len(set(digests)) == 3
+    assert len(set(digests)) == 5
+    for bad in ([1.0] * 5, [1.0] * 5 + [0.0], [1.0] * 5 + [float("nan")]):
+        with pytest.raises(ConfigError, match=r"axis_scale must be six factors from 0\.1 to 10"):
+            make_world(name, {"axis_scale": bad})
+    with pytest.raises(ConfigError, match="impratio must be at least 1, got 0"):
+        make_world(name, {"impratio": 0.0})
     for bad in (0.0, -1.0, float("inf")):
         with pytest.raises(ConfigError, match=r"gain_scale must be a factor from 0\.1 to 10"):
             make_world(name, {"gain_scale": bad})

@@ -194,6 +194,8 @@ def test_what_robosuite_does_not_have_is_refused(bread):
         robosuite_sim.make(Push())
     with pytest.raises(ConfigError, match=r"Door \(with the Panda\) differs from this world in Door_handle"):
         robosuite_sim.make(make_world("door", {"handle": "5"}))
+    with pytest.raises(ConfigError, match="no gains of OSC_POSE match an impedance with axis_scale"):
+        robosuite_sim.make(make_world("pick_place", {"axis_scale": [1.0, 1.0, 2.0, 1.0, 1.0, 1.0], "nthread": 1}))
     with pytest.raises(ConfigError, match="unknown tuning 'soft'; known: matched, own"):
         robosuite_sim.make(world, tuning="soft")
 

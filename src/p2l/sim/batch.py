@@ -232,14 +232,14 @@ class Engine:
         return path, sensors
 
     @cached_property
-    def _impedances(self) -> list[int]:
-        """Columns of the controls that are stiffnesses, along and about each axis."""
+    def impedance_columns(self) -> list[int]:
+        """[6] columns of the controls that are stiffnesses, along and about each axis."""
         return [self.control_names.index(f"impedance_{label}") for label in AXES]
 
     def stiffness(self, rows: int, linear: npt.ArrayLike, angular: npt.ArrayLike) -> Array:
         """[N, U] controls with these stiffnesses (N/m, N·m/rad; numbers or [N]) and zeros elsewhere."""
         control = np.zeros((rows, len(self.control_names)))
-        for axis, column in enumerate(self._impedances):
+        for axis, column in enumerate(self.impedance_columns):
             control[:, column] = linear if axis < 3 else angular
         return control
 

@@ -26,11 +26,13 @@ class Impedance:
         site: name of the site that follows the target.
         damping_linear: N·s/m along each axis, independent of the stiffness.
         damping_angular: N·m·s/rad about each axis.
+        axis_scale: [6] factors on these along and about each axis.
     """
 
     site: str
     damping_linear: float
     damping_angular: float
+    axis_scale: tuple[float, ...] = (1.0,) * 6
 
 
 def add_impedance(spec: mujoco.MjSpec, impedance: Impedance) -> None:
@@ -49,7 +51,7 @@ def add_impedance(spec: mujoco.MjSpec, impedance: Impedance) -> None:
     target = spec.worldbody.add_body(name=TARGET_BODY, mocap=True)
     target.add_site(name=TARGET_BODY)
     for axis, label in enumerate(AXES):
-        damping = impedance.damping_linear if axis < 3 else impedance.damping_angular
+        damping = impedance.axis_scale[axis] * (impedance.damping_linear if axis < 3 else impedance.damping_angular)
         actuator = spec.add_actuator(
             name=f"impedance_{label}",
             trntype=mujoco.mjtTrn.mjTRN_SITE,

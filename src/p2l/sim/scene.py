@@ -57,6 +57,8 @@ class Physics:
         torque_limits: whether the arm's joints have the limits of robosuite's motors; without them a hand can push as
             hard as its impedance wants.
         friction_scale: factor on the sliding friction of every geom.
+        axis_scale: [6] factors on the impedance's stiffness and damping along and about each axis of the hand (z is
+            where the fingers point). A controller that shapes both by the hand's inertia, as OSC does, has such.
     """
 
     timestep_s: float = 0.002
@@ -68,6 +70,7 @@ class Physics:
     impratio: float = 20.0
     torque_limits: bool = False
     friction_scale: float = 1.0
+    axis_scale: tuple[float, ...] = (1.0,) * 6
 
 
 @dataclass(frozen=True)
@@ -218,7 +221,7 @@ def _compile(
     *,
     visuals: bool,
 ) -> mujoco.MjModel:
-    add_impedance(spec, Impedance(grip_site, physics.damping_linear, physics.damping_angular))
+    add_impedance(spec, Impedance(grip_site, physics.damping_linear, physics.damping_angular, physics.axis_scale))
     for name in furniture:
         _body(spec, name).mocap = True
     for name, on in {"grip": grip_site, **pose_sensors}.items():

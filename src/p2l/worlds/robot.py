@@ -23,45 +23,14 @@ from p2l.contracts.world import Scenic, View
 from p2l.errors import ConfigError
 from p2l.records import Array, BoolArray, IntArray
 from p2l.sim.batch import Chunk, Engine
-from p2l.sim.scene import Physics, Scene
+from p2l.sim.scene import Scene
 from p2l.skills import primitives
+from p2l.worlds.physics import VERSION, varied
 
 ROW_VERSION = 1  # raise when the meaning of a saved row changes
 GRIP = "grip_pos"
 HAND = ("grip_quat", "target_quat")
-# What has changed in the physics of our worlds; a row, a policy and a record belong to one version.
-# 2: joint torques have robosuite's limits, and a box that is held still turns by 0.002 rad/s instead of 0.016.
-# 3: a primitive starts where the hand is (`primitives.Primitive`); the physics are those of 2.
-_LIMITED: Mapping[str, Any] = {"torque_limits": True, "impratio": 500.0}
-VERSIONS: Mapping[int, Mapping[str, Any]] = {1: {}, 2: _LIMITED, 3: _LIMITED}
-SCALES = ("gain_scale", "friction_scale")
-SCALE = (0.1, 10.0)  # what they may be: beyond, it is no longer the arm that holds, or the thing that is held
-VERSION = 3  # of a world that is not told another; chapter 4's door is of version 1, like its records
 Fields = Mapping[str, npt.NDArray[np.generic]]
-
-
-def physics_of(version: int, *, gain_scale: float = 1.0, friction_scale: float = 1.0, **numbers: float) -> Physics:
-    """The physics of a version of our worlds, with a world's own numbers.
-
-    Args:
-        version: of `VERSIONS`.
-        gain_scale: factor on the impedance's stiffnesses; dampings go with its root, so that it settles as before.
-        friction_scale: factor on the sliding friction of every geom.
-        numbers: of `Physics`.
-
-    Raises:
-        ConfigError: there is no such version, or a scale is far from 1.
-    """
-    if version not in VERSIONS:
-        raise ConfigError(f"unknown version {version} of the worlds; known: {', '.join(map(str, VERSIONS))}")
-    for name, scale in (("gain_scale", gain_scale), ("friction_scale", friction_scale)):
-        if not SCALE[0] <= scale <= SCALE[1]:
-            raise ConfigError(f"{name} must be a factor from {SCALE[0]:g} to {SCALE[1]:g}, got {scale}")
-    physics = Physics(**numbers)  # type: ignore[arg-type]
-    stiffness = {name: gain_scale * getattr(physics, name) for name in ("stiffness_linear", "stiffness_angular")}
-    damping = {name: gain_scale**0.5 * getattr(physics, name) for name in ("damping_linear", "damping_angular")}
-    scaled: Mapping[str, Any] = stiffness | damping | {"friction_scale": friction_scale}
-    return replace(physics, **scaled, **VERSIONS[version])
 
 
 def engine_step(world: Scenic, rows: Rows, command: Command) -> tuple[Rows, IntArray, BoolArray]:
@@ -119,15 +88,15 @@ class RobotWorld:
         self.name, self.scenes, self.estimator = name, tuple(scenes), estimator
         self.version = int(params.get("version", VERSION))
         self.engine = Engine([scene.model for scene in scenes], control_period_s=control_period_s, nthread=nthread)
-        first = scenes[0]
+        first, physics = scenes[0], scenes[0].physics
+        self._stiffness = self.engine.stiffness(1, physics.stiffness_linear, physics.stiffness_angular)
+        self._stiffness[:, self.engine.impedance_columns] *= physics.axis_scale
         joints = [first.model.joint(i).name for i in range(first.model.njnt)]
         # A row carries unit normals, so it means the same to every estimator and on any number of threads.
         digest_params = {key: value for key, value in params.items() if key not in ("estimator", "nthread")}
         if digest_params.get("version") == 1:  # what is known of its rows was written when it was the only one
             del digest_params["version"]
-        for scale in SCALES:  # likewise
-            if digest_params.get(scale) == 1.0:
-                del digest_params[scale]
+        digest_params = varied(digest_params)
         columns = [list(self.engine.sensor_columns), list(self.engine.furniture)]
         # ROW_VERSION marks the edits of our worlds after which a saved row means something else; others have no such.
         module = type(self).__module__
@@ -164,8 +133,7 @@ class RobotWorld:
 
     def control(self, command: Command) -> Array:
         """[N, U]: the scene's stiffnesses, and the fingers between open and closed."""
-        physics = self.scenes[0].physics
-        control = self.engine.stiffness(len(command.grip), physics.stiffness_linear, physics.stiffness_angular)
+        control = np.repeat(self._stiffness, len(command.grip), axis=0)
         for column, (open_control, closed_control) in self._fingers.items():
             control[:, column] = open_control + command.grip * (closed_control - open_control)
         return control

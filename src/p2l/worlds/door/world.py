@@ -46,7 +46,8 @@ from p2l.worlds.door.handles import DOOR, Handle, find, shape
 from p2l.worlds.door.reach import hold_posture, start_posture
 from p2l.worlds.door.skills import options
 from p2l.worlds.door.symbols import DoorSymbols
-from p2l.worlds.robot import Fields, RobotWorld, physics_of
+from p2l.worlds.physics import physics_of
+from p2l.worlds.robot import Fields, RobotWorld
 
 BASE_POS_WORLD = (-0.56, 0.0, 0.0)
 FURNITURE = f"{DOOR}_main"
@@ -71,7 +72,7 @@ class Door(RobotWorld):
         joint_noise_rad: standard deviation of each joint of the start posture.
         force_limit_n: mean wrist force of a control step above which the detector speaks, N.
         timestep_s: physics time step.
-        version: of the physics, see `worlds.robot.VERSIONS`.
+        version: of the physics, see `worlds.physics.VERSIONS`.
         nthread: simulator threads.
 
     Raises:
@@ -259,8 +260,7 @@ def _scene(arm: str, handle: Handle, timestep_s: float, version: int) -> Scene:
     pose_sensors = {"handle": f"{DOOR}_handle"}
     parts = Parts(arena, [door], BASE_POS_WORLD, furniture=(FURNITURE,), pose_sensors=pose_sensors, edit=shape(handle))
     impedance = {"stiffness_linear": 800.0, "damping_linear": 90.0, "damping_angular": 5.0}
-    physics = physics_of(version, timestep_s=timestep_s, **impedance)
-    return build(arm, parts, physics)
+    return build(arm, parts, physics_of(version, impedance | {"timestep_s": timestep_s}))
 
 
 def _ranges(**pairs: Sequence[float]) -> dict[str, tuple[float, float]]:

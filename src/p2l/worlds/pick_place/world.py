@@ -34,6 +34,7 @@ from p2l.sim.batch import Chunk
 from p2l.sim.posture import reach
 from p2l.sim.scene import WRIST_FORCE, Parts, build
 from p2l.worlds.felt import FELT_SIZE, felt_force
+from p2l.worlds.physics import EVEN, PLAIN, VERSION, physics_of
 from p2l.worlds.pick_place.bins import (
     BIN1_POS_M,
     BIN2_POS_M,
@@ -46,7 +47,7 @@ from p2l.worlds.pick_place.bins import (
     hand_room,
 )
 from p2l.worlds.pick_place.skills import options, quarter_turn
-from p2l.worlds.robot import VERSION, RobotWorld, physics_of
+from p2l.worlds.robot import RobotWorld
 
 BASE_POS_WORLD = (-0.5, -0.1, 0.0)  # robosuite's offset of the base for arenas with bins
 REST_M = 0.8433  # height of the bread's centre when it lies there
@@ -99,8 +100,10 @@ class PickPlace(RobotWorld):
         force_limit_n: wrist force above which a collision is flagged, N.
         gain_scale: factor on the stiffness of the hand's impedance.
         friction_scale: factor on the friction of everything.
+        axis_scale, impratio: along and about which axes the hand is stiffer, and how much a grip gives way, see
+            `sim.scene.Physics`.
         timestep_s: physics time step.
-        version: of the physics, see `worlds.robot.VERSIONS`.
+        version: of the physics, see `worlds.physics.VERSIONS`.
         nthread: simulator threads.
 
     Raises:
@@ -125,6 +128,8 @@ class PickPlace(RobotWorld):
         force_limit_n: float = 50.0,
         gain_scale: float = 1.0,
         friction_scale: float = 1.0,
+        axis_scale: Sequence[float] = EVEN,
+        impratio: float | None = None,
         timestep_s: float = 0.005,
         version: int = VERSION,
         nthread: int = 2,
@@ -139,9 +144,7 @@ class PickPlace(RobotWorld):
         scene = build(
             arm,
             parts,
-            physics_of(
-                version, gain_scale=gain_scale, friction_scale=friction_scale, timestep_s=timestep_s, **IMPEDANCE
-            ),
+            physics_of(version, IMPEDANCE | {"timestep_s": timestep_s}, **{name: params[name] for name in PLAIN}),
         )
         super().__init__("pick_place", params, [scene], Estimator(estimator, (sigma_m,) * 3), nthread=nthread)
         self._dofs = np.array([int(scene.model.joint(joint).dofadr[0]) for joint in scene.arm_joints])

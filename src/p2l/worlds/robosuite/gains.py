@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from p2l.errors import ConfigError
 from p2l.records import Array
 from p2l.sim.scene import GRIP_SITE, Scene
 
@@ -31,8 +32,14 @@ class Gains:
 
 
 def impedance_gains(scene: Scene, qpos: Array) -> Gains:
-    """The gains that feel like the scene's impedance at joint positions `qpos` [nq]."""
+    """The gains that feel like the scene's impedance at joint positions `qpos` [nq].
+
+    Raises:
+        ConfigError: that impedance is stiffer along some axes of the hand; OSC's are those of the world.
+    """
     physics = scene.physics
+    if set(physics.axis_scale) != {1.0}:
+        raise ConfigError("no gains of OSC_POSE match an impedance with axis_scale; leave it at 1, or name the gains")
     stiffness = np.repeat([physics.stiffness_linear, physics.stiffness_angular], 3)
     damping = np.repeat([physics.damping_linear, physics.damping_angular], 3)
     mean = np.repeat([np.linalg.det(part) ** (1.0 / 3.0) for part in inertia(scene, qpos)], 3)

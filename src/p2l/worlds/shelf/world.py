@@ -36,13 +36,19 @@ from p2l.records import Array, BoolArray, IntArray
 from p2l.sim.batch import Chunk
 from p2l.sim.scene import FINGER_OPEN_M, FINGERS, WRIST_FORCE, model_variant
 from p2l.worlds.felt import FELT_SIZE, felt_force
-from p2l.worlds.robot import VERSION, Fields, RobotWorld, physics_of
+from p2l.worlds.physics import EVEN, PLAIN, VERSION, physics_of
+from p2l.worlds.robot import Fields, RobotWorld
 from p2l.worlds.shelf import hold as hand
 from p2l.worlds.shelf.scene import CLUTTER, DEPTH_M, INNER_WIDTH_M, TABLE_M, Clutter, compose, find
 from p2l.worlds.shelf.skills import options
 from p2l.worlds.shelf.starts import interval, positive, posture, starts_of, vector
 
-IMPEDANCE = {"stiffness_linear": 2000.0, "stiffness_angular": 200.0, "damping_linear": 180.0, "damping_angular": 20.0}
+IMPEDANCE = {
+    "stiffness_linear": 2000.0,
+    "stiffness_angular": 200.0,
+    "damping_linear": 180.0,
+    "damping_angular": 20.0,
+}
 KINDS = ("collision", "collision_slip", "dropped", "on_table")
 COLLISION, SLIP, DROPPED, ON_TABLE, CLUTTER_ROTATED = range(5)
 EMPTY_GAP_M = 0.01  # closed fingers that hold nothing
@@ -74,10 +80,8 @@ class Shelf(RobotWorld):
         slip_limit_rad, slip_limit_m: turn and shift in the hand above which a slip is flagged.
         clutter_limit_rad: turn of a clutter box above which it is flagged.
         models: how many densities (and sizes of clutter) the bank of models holds.
-        gain_scale: factor on the stiffness of the hand's impedance.
-        friction_scale: factor on the friction of everything.
+        gain_scale, friction_scale, axis_scale, impratio, version: of the physics, see `worlds.physics.physics_of`.
         timestep_s: physics time step.
-        version: of the physics, see `worlds.robot.VERSIONS`.
         nthread: simulator threads.
 
     Raises:
@@ -116,6 +120,8 @@ class Shelf(RobotWorld):
         models: int = 16,
         gain_scale: float = 1.0,
         friction_scale: float = 1.0,
+        axis_scale: Sequence[float] = EVEN,
+        impratio: float | None = None,
         timestep_s: float = 1.0 / 240.0,
         version: int = VERSION,
         nthread: int = 2,
@@ -132,9 +138,7 @@ class Shelf(RobotWorld):
             interval("clutter_half_z_m", clutter_half_z_m, (0.01, self.starts.shelf_height_m[0] / 2)),
             clutter_density_kg_m3,
         )
-        physics = physics_of(
-            version, gain_scale=gain_scale, friction_scale=friction_scale, timestep_s=timestep_s, **IMPEDANCE
-        )
+        physics = physics_of(version, IMPEDANCE | {"timestep_s": timestep_s}, **{name: params[name] for name in PLAIN})
         self.bank = compose(arm, self.thing, physics, heavy, sizes if clutter else None, models)
         self.failure_kinds = (*KINDS, "clutter_rotated") if clutter else KINDS
         self._clutter: tuple[str, ...] = CLUTTER if clutter else ()
