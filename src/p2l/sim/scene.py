@@ -6,7 +6,9 @@ whose pose is part of a row's state (a mocap body), so that each row has its own
 second model.
 
 Deviations from robosuite's physics, each because it costs time on every step and decides nothing here:
-1. No air (robosuite: density 1.2 kg/m³); its forces and their derivatives take a third of a step.
+1. No air unless `Physics` says so (robosuite: density 1.2 kg/m³); its forces and their derivatives take a third of a
+   step. It does decide: MuJoCo's drag takes a body for a box of its inertia, robosuite's finger tips (10 g) for boxes
+   of 2.5 m, and a hand that turns is braked by up to 14 N·m, of the 12 that its last motor has.
 2. The arm's links touch the world but not one another or the robot's mount; nominal motions keep them apart, and
    testing neighbouring meshes takes another third.
 """
@@ -40,6 +42,7 @@ WRIST_FORCE = "gripper0_right_force_ee"
 FINGERS = ("gripper0_right_finger_joint1", "gripper0_right_finger_joint2")
 FINGER_ACTUATORS = ("gripper0_right_gripper_finger_joint1", "gripper0_right_gripper_finger_joint2")
 FINGER_OPEN_M = 0.04
+AIR_VISCOSITY = 2e-5  # Pa·s, robosuite's
 HAND = ("gripper0_right_hand_collision",)
 
 
@@ -59,6 +62,7 @@ class Physics:
         friction_scale: factor on the sliding friction of every geom.
         axis_scale: [6] factors on the impedance's stiffness and damping along and about each axis of the hand (z is
             where the fingers point). A controller that shapes both by the hand's inertia, as OSC does, has such.
+        air_density: kg/m³; robosuite has 1.2.
     """
 
     timestep_s: float = 0.002
@@ -71,6 +75,7 @@ class Physics:
     torque_limits: bool = False
     friction_scale: float = 1.0
     axis_scale: tuple[float, ...] = (1.0,) * 6
+    air_density: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -202,7 +207,7 @@ def _robot_spec(xml: str, parts: Parts, physics: Physics, joints: tuple[str, ...
         if geom.parent.name.startswith(("robot0_", "fixed_mount0_")) or geom.name in HAND:
             geom.contype = 0
     spec.option.impratio = physics.impratio
-    spec.option.density = spec.option.viscosity = 0.0
+    spec.option.density, spec.option.viscosity = physics.air_density, AIR_VISCOSITY if physics.air_density else 0.0
     if parts.edit is not None:
         parts.edit(spec)
     if physics.friction_scale != 1.0:

@@ -17,7 +17,13 @@ from p2l.sim.scene import Physics
 _LIMITED: Mapping[str, Any] = {"torque_limits": True, "impratio": 500.0}
 VERSIONS: Mapping[int, Mapping[str, Any]] = {1: {}, 2: _LIMITED, 3: _LIMITED}
 EVEN = (1.0,) * 6
-PLAIN: Mapping[str, Any] = {"gain_scale": 1.0, "friction_scale": 1.0, "axis_scale": EVEN, "impratio": None}
+PLAIN: Mapping[str, Any] = {
+    "gain_scale": 1.0,
+    "friction_scale": 1.0,
+    "axis_scale": EVEN,
+    "impratio": None,
+    "air_density": 0.0,
+}
 SCALE = (0.1, 10.0)  # what they may be: beyond, it is no longer the arm that holds, or the thing that is held
 VERSION = 3  # of a world that is not told another; chapter 4's door is of version 1, like its records
 
@@ -30,6 +36,7 @@ def physics_of(
     friction_scale: float = 1.0,
     axis_scale: Sequence[float] = EVEN,
     impratio: float | None = None,
+    air_density: float = 0.0,
 ) -> Physics:
     """The physics of a version of our worlds, with a world's own numbers.
 
@@ -40,9 +47,10 @@ def physics_of(
         friction_scale: factor on the sliding friction of every geom.
         axis_scale: factors on stiffness and damping, see `Physics`.
         impratio: see `Physics`; None is the version's.
+        air_density: see `Physics`.
 
     Raises:
-        ConfigError: there is no such version, a scale is far from 1, or `impratio` is below 1.
+        ConfigError: there is no such version, a scale is far from 1, `impratio` is below 1, or a density is none.
     """
     if version not in VERSIONS:
         raise ConfigError(f"unknown version {version} of the worlds; known: {', '.join(map(str, VERSIONS))}")
@@ -51,7 +59,9 @@ def physics_of(
             raise ConfigError(f"{name} must be a factor from {SCALE[0]:g} to {SCALE[1]:g}, got {scale}")
     if len(axis_scale) != 6 or not all(SCALE[0] <= scale <= SCALE[1] for scale in axis_scale):
         raise ConfigError(f"axis_scale must be six factors from {SCALE[0]:g} to {SCALE[1]:g}, got {list(axis_scale)}")
-    physics = Physics(**numbers, axis_scale=tuple(axis_scale))  # type: ignore[arg-type]
+    if not 0.0 <= air_density < np.inf:
+        raise ConfigError(f"air_density must be at least 0 kg/m³, got {air_density}")
+    physics = Physics(**numbers, axis_scale=tuple(axis_scale), air_density=air_density)  # type: ignore[arg-type]
     stiffness = {name: gain_scale * getattr(physics, name) for name in ("stiffness_linear", "stiffness_angular")}
     damping = {name: gain_scale**0.5 * getattr(physics, name) for name in ("damping_linear", "damping_angular")}
     scaled: Mapping[str, Any] = stiffness | damping | {"friction_scale": friction_scale}

@@ -100,8 +100,8 @@ class PickPlace(RobotWorld):
         force_limit_n: wrist force above which a collision is flagged, N.
         gain_scale: factor on the stiffness of the hand's impedance.
         friction_scale: factor on the friction of everything.
-        axis_scale, impratio: along and about which axes the hand is stiffer, and how much a grip gives way, see
-            `sim.scene.Physics`.
+        axis_scale, impratio, air_density: along and about which axes the hand is stiffer, how much a grip gives way,
+            and what a motion meets, see `sim.scene.Physics`.
         timestep_s: physics time step.
         version: of the physics, see `worlds.physics.VERSIONS`.
         nthread: simulator threads.
@@ -130,6 +130,7 @@ class PickPlace(RobotWorld):
         friction_scale: float = 1.0,
         axis_scale: Sequence[float] = EVEN,
         impratio: float | None = None,
+        air_density: float = 0.0,
         timestep_s: float = 0.005,
         version: int = VERSION,
         nthread: int = 2,

@@ -43,12 +43,7 @@ from p2l.worlds.shelf.scene import CLUTTER, DEPTH_M, INNER_WIDTH_M, TABLE_M, Clu
 from p2l.worlds.shelf.skills import options
 from p2l.worlds.shelf.starts import interval, positive, posture, starts_of, vector
 
-IMPEDANCE = {
-    "stiffness_linear": 2000.0,
-    "stiffness_angular": 200.0,
-    "damping_linear": 180.0,
-    "damping_angular": 20.0,
-}
+IMPEDANCE = {"stiffness_linear": 2000.0, "stiffness_angular": 200.0, "damping_linear": 180.0, "damping_angular": 20.0}
 KINDS = ("collision", "collision_slip", "dropped", "on_table")
 COLLISION, SLIP, DROPPED, ON_TABLE, CLUTTER_ROTATED = range(5)
 EMPTY_GAP_M = 0.01  # closed fingers that hold nothing
@@ -80,7 +75,7 @@ class Shelf(RobotWorld):
         slip_limit_rad, slip_limit_m: turn and shift in the hand above which a slip is flagged.
         clutter_limit_rad: turn of a clutter box above which it is flagged.
         models: how many densities (and sizes of clutter) the bank of models holds.
-        gain_scale, friction_scale, axis_scale, impratio, version: of the physics, see `worlds.physics.physics_of`.
+        gain_scale, friction_scale, axis_scale, impratio, air_density, version: see `worlds.physics.physics_of`.
         timestep_s: physics time step.
         nthread: simulator threads.
 
@@ -122,6 +117,7 @@ class Shelf(RobotWorld):
         friction_scale: float = 1.0,
         axis_scale: Sequence[float] = EVEN,
         impratio: float | None = None,
+        air_density: float = 0.0,
         timestep_s: float = 1.0 / 240.0,
         version: int = VERSION,
         nthread: int = 2,
