@@ -9,7 +9,7 @@ from p2l.contracts.rows import Command
 from p2l.errors import ConfigError
 from p2l.skills import chain
 from p2l.worlds import robosuite as robosuite_sim
-from p2l.worlds.physics import VERSIONS
+from p2l.worlds.physics import EVEN, PLAIN, VERSIONS
 
 OURS = ("cluttered_shelf", "door", "pick_place", "shelf")  # others may have registered more
 PANDA_NM = [80.0] * 5 + [12.0] * 2  # robosuite's motors; the UR5e's are stronger and its wrist's weaker
@@ -114,6 +114,8 @@ def test_a_hand_is_stiffer_along_some_axes_than_along_others(name):
     np.testing.assert_allclose(damping[1], damping[0] * STIFF_DOWN)
     soft = make_world(name, {"nthread": 1, "impratio": 20.0})
     assert [world.scenes[0].model.opt.impratio for world in (plain, soft)] == [500.0, 20.0]
+    loose = make_world(name, {"nthread": 1, "joint_damping": 0.5}).scenes[0]
+    assert {loose.model.joint(joint).damping[0] for joint in loose.arm_joints} == {0.5}
 
 
 @pytest.mark.parametrize("name", ["pick_place", "shelf"])
@@ -123,16 +125,17 @@ def test_a_scale_of_one_is_the_same_world_and_others_are_others(name):
         make_world(name, {"nthread": 1, **params}).digest
         for params in (
             {},
-            {"gain_scale": 1.0, "friction_scale": 1.0, "axis_scale": [1.0] * 6, "impratio": None, "air_density": 0.0},
+            {**PLAIN, "axis_scale": list(EVEN)},
             {"gain_scale": 1.3},
             {"friction_scale": 1.3},
             {"axis_scale": STIFF_DOWN},
             {"impratio": 20.0},
             {"air_density": 1.2},
+            {"joint_damping": 1.0},
         )
     ]
     assert digests[0] == digests[1]
-    assert len(set(digests)) == 6
+    assert len(set(digests)) == 7
     for bad in ([1.0] * 5, [1.0] * 5 + [0.0], [1.0] * 5 + [float("nan")]):
         with pytest.raises(ConfigError, match=r"axis_scale must be six factors from 0\.1 to 10"):
             make_world(name, {"axis_scale": bad})
@@ -140,6 +143,8 @@ def test_a_scale_of_one_is_the_same_world_and_others_are_others(name):
         make_world(name, {"impratio": 0.0})
     with pytest.raises(ConfigError, match="air_density must be at least 0"):
         make_world(name, {"air_density": -1.2})
+    with pytest.raises(ConfigError, match="joint_damping must be at least 0"):
+        make_world(name, {"joint_damping": float("inf")})
     for bad in (0.0, -1.0, float("inf")):
         with pytest.raises(ConfigError, match=r"gain_scale must be a factor from 0\.1 to 10"):
             make_world(name, {"gain_scale": bad})

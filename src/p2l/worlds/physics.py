@@ -23,6 +23,7 @@ PLAIN: Mapping[str, Any] = {
     "axis_scale": EVEN,
     "impratio": None,
     "air_density": 0.0,
+    "joint_damping": None,
 }
 SCALE = (0.1, 10.0)  # what they may be: beyond, it is no longer the arm that holds, or the thing that is held
 VERSION = 3  # of a world that is not told another; chapter 4's door is of version 1, like its records
@@ -37,6 +38,7 @@ def physics_of(
     axis_scale: Sequence[float] = EVEN,
     impratio: float | None = None,
     air_density: float = 0.0,
+    joint_damping: float | None = None,
 ) -> Physics:
     """The physics of a version of our worlds, with a world's own numbers.
 
@@ -48,9 +50,10 @@ def physics_of(
         axis_scale: factors on stiffness and damping, see `Physics`.
         impratio: see `Physics`; None is the version's.
         air_density: see `Physics`.
+        joint_damping: see `Physics`; None is that of `numbers`.
 
     Raises:
-        ConfigError: there is no such version, a scale is far from 1, `impratio` is below 1, or a density is none.
+        ConfigError: there is no such version, a scale is far from 1, or a number is none that physics can have.
     """
     if version not in VERSIONS:
         raise ConfigError(f"unknown version {version} of the worlds; known: {', '.join(map(str, VERSIONS))}")
@@ -59,18 +62,17 @@ def physics_of(
             raise ConfigError(f"{name} must be a factor from {SCALE[0]:g} to {SCALE[1]:g}, got {scale}")
     if len(axis_scale) != 6 or not all(SCALE[0] <= scale <= SCALE[1] for scale in axis_scale):
         raise ConfigError(f"axis_scale must be six factors from {SCALE[0]:g} to {SCALE[1]:g}, got {list(axis_scale)}")
-    if not 0.0 <= air_density < np.inf:
-        raise ConfigError(f"air_density must be at least 0 kg/m³, got {air_density}")
-    physics = Physics(**numbers, axis_scale=tuple(axis_scale), air_density=air_density)  # type: ignore[arg-type]
+    given = {"impratio": (impratio, 1.0), "air_density": (air_density, 0.0), "joint_damping": (joint_damping, 0.0)}
+    for name, (value, least) in given.items():
+        if value is not None and not least <= value < np.inf:
+            raise ConfigError(f"{name} must be at least {least:g}, got {value}")
+    physics = replace(Physics(**numbers), **VERSIONS[version])  # type: ignore[arg-type]
     stiffness = {name: gain_scale * getattr(physics, name) for name in ("stiffness_linear", "stiffness_angular")}
     damping = {name: gain_scale**0.5 * getattr(physics, name) for name in ("damping_linear", "damping_angular")}
-    scaled: Mapping[str, Any] = stiffness | damping | {"friction_scale": friction_scale}
-    physics = replace(physics, **scaled, **VERSIONS[version])
-    if impratio is None:
-        return physics
-    if not 1.0 <= impratio < np.inf:
-        raise ConfigError(f"impratio must be at least 1, got {impratio}")
-    return replace(physics, impratio=impratio)
+    changed: Mapping[str, Any] = (
+        stiffness | damping | {"friction_scale": friction_scale, "axis_scale": tuple(axis_scale)}
+    )
+    return replace(physics, **changed, **{name: value for name, (value, _) in given.items() if value is not None})
 
 
 def varied(params: Mapping[str, Any]) -> dict[str, Any]:

@@ -75,9 +75,9 @@ class Shelf(RobotWorld):
         slip_limit_rad, slip_limit_m: turn and shift in the hand above which a slip is flagged.
         clutter_limit_rad: turn of a clutter box above which it is flagged.
         models: how many densities (and sizes of clutter) the bank of models holds.
-        gain_scale, friction_scale, axis_scale, impratio, air_density, version: see `worlds.physics.physics_of`.
-        timestep_s: physics time step.
-        nthread: simulator threads.
+        gain_scale, friction_scale, axis_scale, impratio, air_density, joint_damping, version: see
+            `worlds.physics.physics_of`.
+        timestep_s, nthread: physics time step, and simulator threads.
 
     Raises:
         ConfigError: unknown arm or object, a range that is reversed or out of reach, a limit that is not positive.
@@ -118,6 +118,7 @@ class Shelf(RobotWorld):
         axis_scale: Sequence[float] = EVEN,
         impratio: float | None = None,
         air_density: float = 0.0,
+        joint_damping: float | None = None,
         timestep_s: float = 1.0 / 240.0,
         version: int = VERSION,
         nthread: int = 2,
