@@ -69,10 +69,9 @@ def physics_of(
     physics = replace(Physics(**numbers), **VERSIONS[version])  # type: ignore[arg-type]
     stiffness = {name: gain_scale * getattr(physics, name) for name in ("stiffness_linear", "stiffness_angular")}
     damping = {name: gain_scale**0.5 * getattr(physics, name) for name in ("damping_linear", "damping_angular")}
-    changed: Mapping[str, Any] = (
-        stiffness | damping | {"friction_scale": friction_scale, "axis_scale": tuple(axis_scale)}
-    )
-    return replace(physics, **changed, **{name: value for name, (value, _) in given.items() if value is not None})
+    changed: dict[str, Any] = {"friction_scale": friction_scale, "axis_scale": tuple(axis_scale)}
+    changed |= stiffness | damping | {name: value for name, (value, _) in given.items() if value is not None}
+    return replace(physics, **changed)
 
 
 def varied(params: Mapping[str, Any]) -> dict[str, Any]:
