@@ -114,8 +114,10 @@ def test_a_hand_is_stiffer_along_some_axes_than_along_others(name):
     np.testing.assert_allclose(damping[1], damping[0] * STIFF_DOWN)
     soft = make_world(name, {"nthread": 1, "impratio": 20.0})
     assert [world.scenes[0].model.opt.impratio for world in (plain, soft)] == [500.0, 20.0]
-    loose = make_world(name, {"nthread": 1, "joint_damping": 0.5}).scenes[0]
-    assert {loose.model.joint(joint).damping[0] for joint in loose.arm_joints} == {0.5}
+    loose = make_world(name, {"nthread": 1, "joint_damping": 0.5, "armature_scale": 2.0}).scenes[0]
+    for joint in loose.arm_joints:
+        assert loose.model.joint(joint).damping[0] == 0.5
+        assert loose.model.joint(joint).armature[0] == 2.0 * plain.scenes[0].model.joint(joint).armature[0]
 
 
 @pytest.mark.parametrize("name", ["pick_place", "shelf"])
@@ -132,10 +134,11 @@ def test_a_scale_of_one_is_the_same_world_and_others_are_others(name):
             {"impratio": 20.0},
             {"air_density": 1.2},
             {"joint_damping": 1.0},
+            {"armature_scale": 2.0},
         )
     ]
     assert digests[0] == digests[1]
-    assert len(set(digests)) == 7
+    assert len(set(digests)) == 8
     for bad in ([1.0] * 5, [1.0] * 5 + [0.0], [1.0] * 5 + [float("nan")]):
         with pytest.raises(ConfigError, match=r"axis_scale must be six factors from 0\.1 to 10"):
             make_world(name, {"axis_scale": bad})

@@ -63,6 +63,8 @@ class Physics:
         axis_scale: [6] factors on the impedance's stiffness and damping along and about each axis of the hand (z is
             where the fingers point). A controller that shapes both by the hand's inertia, as OSC does, has such.
         air_density: kg/m³; robosuite has 1.2.
+        armature_scale: factor on the inertia of the arm's motors, which is most of what the hand is moved with. Another
+            arm, or another posture, is as if it were heavier: about one axis a UR5e at the shelf 15 times.
     """
 
     timestep_s: float = 0.002
@@ -76,6 +78,7 @@ class Physics:
     friction_scale: float = 1.0
     axis_scale: tuple[float, ...] = (1.0,) * 6
     air_density: float = 0.0
+    armature_scale: float = 1.0
 
 
 @dataclass(frozen=True)
@@ -201,6 +204,7 @@ def _robot_spec(xml: str, parts: Parts, physics: Physics, joints: tuple[str, ...
     for joint in spec.joints:
         if joint.name in joints:
             joint.damping = [physics.joint_damping, 0.0, 0.0]
+            joint.armature *= physics.armature_scale
             if physics.torque_limits:
                 joint.actfrclimited, joint.actfrcrange = mujoco.mjtLimited.mjLIMITED_TRUE, torques_nm[joint.name]
     for geom in spec.geoms:

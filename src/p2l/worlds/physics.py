@@ -24,6 +24,7 @@ PLAIN: Mapping[str, Any] = {
     "impratio": None,
     "air_density": 0.0,
     "joint_damping": None,
+    "armature_scale": 1.0,
 }
 SCALE = (0.1, 10.0)  # what they may be: beyond, it is no longer the arm that holds, or the thing that is held
 VERSION = 3  # of a world that is not told another; chapter 4's door is of version 1, like its records
@@ -39,6 +40,7 @@ def physics_of(
     impratio: float | None = None,
     air_density: float = 0.0,
     joint_damping: float | None = None,
+    armature_scale: float = 1.0,
 ) -> Physics:
     """The physics of a version of our worlds, with a world's own numbers.
 
@@ -51,13 +53,15 @@ def physics_of(
         impratio: see `Physics`; None is the version's.
         air_density: see `Physics`.
         joint_damping: see `Physics`; None is that of `numbers`.
+        armature_scale: see `Physics`.
 
     Raises:
         ConfigError: there is no such version, a scale is far from 1, or a number is none that physics can have.
     """
     if version not in VERSIONS:
         raise ConfigError(f"unknown version {version} of the worlds; known: {', '.join(map(str, VERSIONS))}")
-    for name, scale in (("gain_scale", gain_scale), ("friction_scale", friction_scale)):
+    scales = {"gain_scale": gain_scale, "friction_scale": friction_scale, "armature_scale": armature_scale}
+    for name, scale in scales.items():
         if not SCALE[0] <= scale <= SCALE[1]:
             raise ConfigError(f"{name} must be a factor from {SCALE[0]:g} to {SCALE[1]:g}, got {scale}")
     if len(axis_scale) != 6 or not all(SCALE[0] <= scale <= SCALE[1] for scale in axis_scale):
@@ -69,7 +73,11 @@ def physics_of(
     physics = replace(Physics(**numbers), **VERSIONS[version])  # type: ignore[arg-type]
     stiffness = {name: gain_scale * getattr(physics, name) for name in ("stiffness_linear", "stiffness_angular")}
     damping = {name: gain_scale**0.5 * getattr(physics, name) for name in ("damping_linear", "damping_angular")}
-    changed: dict[str, Any] = {"friction_scale": friction_scale, "axis_scale": tuple(axis_scale)}
+    changed: dict[str, Any] = {
+        "friction_scale": friction_scale,
+        "axis_scale": tuple(axis_scale),
+        "armature_scale": armature_scale,
+    }
     changed |= stiffness | damping | {name: value for name, (value, _) in given.items() if value is not None}
     return replace(physics, **changed)
 

@@ -100,8 +100,8 @@ class PickPlace(RobotWorld):
         force_limit_n: wrist force above which a collision is flagged, N.
         gain_scale: factor on the stiffness of the hand's impedance.
         friction_scale: factor on the friction of everything.
-        axis_scale, impratio, air_density, joint_damping: along and about which axes the hand is stiffer, how much a
-            grip gives way, and what a motion meets, see `worlds.physics.physics_of`.
+        axis_scale, impratio, air_density, joint_damping, armature_scale: along and about which axes the hand is
+            stiffer, how much a grip gives way, and what a motion meets, see `worlds.physics.physics_of`.
         timestep_s: physics time step.
         version: of the physics, see `worlds.physics.VERSIONS`.
         nthread: simulator threads.
@@ -132,6 +132,7 @@ class PickPlace(RobotWorld):
         impratio: float | None = None,
         air_density: float = 0.0,
         joint_damping: float | None = None,
+        armature_scale: float = 1.0,
         timestep_s: float = 0.005,
         version: int = VERSION,
         nthread: int = 2,

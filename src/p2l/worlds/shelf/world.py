@@ -75,8 +75,7 @@ class Shelf(RobotWorld):
         slip_limit_rad, slip_limit_m: turn and shift in the hand above which a slip is flagged.
         clutter_limit_rad: turn of a clutter box above which it is flagged.
         models: how many densities (and sizes of clutter) the bank of models holds.
-        gain_scale, friction_scale, axis_scale, impratio, air_density, joint_damping, version: see
-            `worlds.physics.physics_of`.
+        version, and gain_scale to armature_scale: of the physics, see `worlds.physics.physics_of`.
         timestep_s, nthread: physics time step, and simulator threads.
 
     Raises:
@@ -119,6 +118,7 @@ class Shelf(RobotWorld):
         impratio: float | None = None,
         air_density: float = 0.0,
         joint_damping: float | None = None,
+        armature_scale: float = 1.0,
         timestep_s: float = 1.0 / 240.0,
         version: int = VERSION,
         nthread: int = 2,
