@@ -24,6 +24,7 @@ from p2l import poses
 from p2l.contracts.option import Option
 from p2l.contracts.rows import Rows
 from p2l.contracts.world import World
+from p2l.errors import ConfigError
 from p2l.evaluation.statistics import wilson_interval
 from p2l.records import Array, BoolArray
 from p2l.skills import chain
@@ -45,7 +46,11 @@ def mixture() -> Mapping[str, Mapping[str, Any]]:
 
 
 def robosuite_failures(there: robosuite_sim.TransferWorld, count: int, seed: int) -> list[Rows]:
-    """Moments at which a detector has fired in robosuite, a row each."""
+    """Moments at which a detector has fired in robosuite, a row each.
+
+    Raises:
+        ConfigError: there are none.
+    """
     rng, found = np.random.default_rng(seed), []
     for _ in range(MOST * count):
         part = chain.run(there, there.nominal_options(), there.sample(rng, 1), slots=1).last
@@ -53,6 +58,10 @@ def robosuite_failures(there: robosuite_sim.TransferWorld, count: int, seed: int
             found.append(part.rows)
         if len(found) == count:
             break
+    if not found:
+        raise ConfigError(
+            f"the nominal skills raised no flag in {MOST * count} executions in robosuite; take another --seed"
+        )
     return found
 
 
@@ -118,4 +127,4 @@ def main(arguments: list[str] | None = None) -> None:
 
 
 if __name__ == "__main__":
-    main()
+    report.command(main)

@@ -7,7 +7,7 @@ import json
 import platform
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from p2l.artifacts import write_text
@@ -22,6 +22,15 @@ def parser(doc: str | None) -> argparse.ArgumentParser:
     command_line = argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
     command_line.add_argument("--json", type=Path, metavar="FILE", help="also write the rows to FILE")
     return command_line
+
+
+def command(main: Callable[[], None]) -> None:
+    """Run a benchmark; a mistake in what it was given is one message, and exit code 2."""
+    try:
+        main()
+    except P2LError as error:
+        print(f"error: {error}", file=sys.stderr)
+        sys.exit(2)
 
 
 def known_world(name: str) -> str:

@@ -10,7 +10,6 @@ over the trainings; Wilson's over the episodes of `nominal` and `retry`, which n
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -64,13 +63,17 @@ def rows_of(name: str, place: Path) -> list[report.Row]:
     return rows
 
 
-def main(arguments: list[str]) -> None:
+def main(arguments: list[str] | None = None) -> None:
     """Command line."""
-    build, target = (Path(word) for word in arguments)
+    parser = report.parser(__doc__)
+    parser.add_argument("build", type=Path, help="folder of the runs, one for each world")
+    parser.add_argument("target", type=Path, help="CSV file to write")
+    args = parser.parse_args(arguments)
+    build, target = args.build, args.target
     rows = [row for name in sorted(each.name for each in build.iterdir()) for row in rows_of(name, build / name)]
     pd.DataFrame(rows).to_csv(target, index=False, float_format="%.4g")
-    report.finish(rows, None)
+    report.finish(rows, args.json)
 
 
 if __name__ == "__main__":
-    main(sys.argv[1:])
+    report.command(main)

@@ -52,6 +52,14 @@ def test_formats_by_hand():
         ('{{ cell("none", "rc", "", "cost") }}', r"none\.csv: cannot be read"),
         ("{{ typo }}", "template: 'typo' is undefined"),
         ("{% for %}", "the page's template"),
+        (
+            '{{ look("other", "case", success_percent=99.7) | num }}',
+            "the page's template: must be real number, not str",
+        ),
+        (
+            '{{ look("other", "case", success_percent=99.7) | ci }}',
+            "the page's template: 'str' object has no attribute",
+        ),
     ],
 )
 def test_what_no_table_holds_is_named_and_leaves_no_hole(tables, template, told):

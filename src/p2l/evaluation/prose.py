@@ -86,7 +86,7 @@ def render_page(template: str, tables: Path) -> str:
     environment.filters.update(FILTERS)
     try:
         page = environment.from_string(template).render()
-    except jinja2.TemplateError as error:
+    except (jinja2.TemplateError, TypeError, AttributeError) as error:  # the latter two: a filter given something else
         raise ArtifactError(f"the page's template: {error}") from error
     return "".join(f"{line.rstrip()}\n" for line in page.splitlines())
 
