@@ -1,6 +1,6 @@
 """Choosers of the recovery to train next, on made-up skill graphs and learning curves whose truth is known.
 
-  python -m benchmarks.choosers                                   nine choosers, six kinds of graph, ten seeds each
+  python -m benchmarks.choosers                                   every chooser, six kinds of graph, ten seeds each
   python -m benchmarks.choosers --cases door_like --choosers lookahead metareskill --seeds 3 --json out.json
 
 A kind of graph (`CASES`) says how many failure modes there are and how uneven their sizes are, how many of the

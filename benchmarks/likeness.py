@@ -105,7 +105,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser = report.parser(__doc__)
     parser.add_argument("--worlds", nargs="+", choices=list(worlds), default=list(worlds))
     parser.add_argument("--failures", type=report.positive, default=24)
-    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--seed", type=report.seed, default=0)
     args = parser.parse_args(arguments)
     there = robosuite_sim.make(make_world("pick_place", {"nthread": 1}))
     try:

@@ -68,7 +68,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser = report.parser(__doc__)
     parser.add_argument("--worlds", nargs="+", type=report.known_world, default=list(WORLDS.names()))
     parser.add_argument("--episodes", type=report.positive, default=1000)
-    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--seed", type=report.seed, default=0)
     parser.add_argument("--timestep", type=float, metavar="S", help="second time step to compare with, row by row")
     args = parser.parse_args(arguments)
     table: list[report.Row] = []

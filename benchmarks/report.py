@@ -20,7 +20,7 @@ Row = Mapping[str, object]
 def parser(doc: str | None) -> argparse.ArgumentParser:
     """A command line with `--json FILE`; the module's docstring is its help."""
     command_line = argparse.ArgumentParser(description=doc, formatter_class=argparse.RawDescriptionHelpFormatter)
-    command_line.add_argument("--json", type=Path, metavar="FILE", help="also write the rows to FILE")
+    command_line.add_argument("--json", type=file_to_write, metavar="FILE", help="also write the rows to FILE")
     return command_line
 
 
@@ -50,6 +50,21 @@ def positive(text: str) -> int:
     if number < 1:
         raise argparse.ArgumentTypeError(f"{text} given; it must be a whole number above 0")
     return number
+
+
+def seed(text: str) -> int:
+    """A whole number of at least 0, as argparse wants it checked."""
+    if not text.isdecimal():
+        raise argparse.ArgumentTypeError(f"{text} given; it must be a whole number of at least 0")
+    return int(text)
+
+
+def file_to_write(text: str) -> Path:
+    """A file in a folder that is there, as argparse wants it checked before any work."""
+    path = Path(text)
+    if path.is_dir() or not path.parent.is_dir():
+        raise argparse.ArgumentTypeError(f"{text} given; it must be a file in a folder that is there")
+    return path
 
 
 def load_kernels() -> None:

@@ -109,7 +109,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser = report.parser(__doc__)
     parser.add_argument("--worlds", nargs="+", choices=tasks, default=tasks)
     parser.add_argument("--episodes", type=report.positive, default=200)
-    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--seed", type=report.seed, default=0)
     parser.add_argument("--processes", type=report.positive, default=2)
     parser.add_argument("--tuning", nargs="+", choices=get_args(robosuite_sim.Tuning), default=["matched"])
     args = parser.parse_args(arguments)

@@ -136,7 +136,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--worlds", nargs="+", choices=WORLDS, default=list(WORLDS))
     parser.add_argument("--variants", nargs="+", choices=VARIANTS, default=list(VARIANTS))
     parser.add_argument("--episodes", type=report.positive, default=1000)
-    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--seed", type=report.seed, default=0)
     args = parser.parse_args(arguments)
     tables = [compare(name, args.variants, args.episodes, args.seed) for name in args.worlds]
     report.finish([row for table in tables for row in table], args.json)

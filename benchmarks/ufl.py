@@ -79,7 +79,7 @@ def main(arguments: list[str] | None = None) -> None:
     parser.add_argument("--instances", type=Path, nargs="+", default=[_DEFAULT], help="files or folders")
     parser.add_argument("--families", action="store_true", help="generated families instead of files")
     parser.add_argument("--time-limit", type=float, default=60.0, metavar="S", help="seconds per instance")
-    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--seed", type=report.seed, default=0)
     args: argparse.Namespace = parser.parse_args(arguments)
     report.load_kernels()
     source = families(np.random.default_rng(args.seed)) if args.families else files(args.instances)

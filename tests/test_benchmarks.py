@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from benchmarks import report
+from benchmarks import nominal, report
 from p2l.errors import ConfigError
 
 ROOT = Path(__file__).parents[1]
@@ -32,3 +32,17 @@ def test_a_mistake_is_one_message_without_a_traceback(capsys):
 @pytest.mark.parametrize("name", [name for name in MODULES if name not in ("instances", "report")])
 def test_every_benchmark_ends_that_way(name):
     assert "report.command(main)" in (ROOT / "benchmarks" / f"{name}.py").read_text()
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (["--seed", "-1"], "a whole number of at least 0"),
+        (["--json", "no_such_folder/out.json"], "a file in a folder that is there"),
+        (["--json", "."], "a file in a folder that is there"),
+    ],
+)
+def test_a_wrong_word_is_told_before_any_work(words, told, capsys):
+    with pytest.raises(SystemExit):
+        nominal.main(words)
+    assert told in capsys.readouterr().err

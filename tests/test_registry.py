@@ -125,6 +125,28 @@ def test_a_value_of_another_kind_is_one_message(params, message):
         factory(**params)
 
 
+@pytest.mark.parametrize(
+    ("params", "message"),
+    [
+        ({"sizes": [1.0, "0.1"]}, r"sizes must be a list of numbers, got \[1\.0, '0\.1'\]"),
+        ({"sizes": [True]}, r"sizes must be a list of numbers, got \[True\]"),
+        ({"broken": "yes"}, "broken must be true or false, got 'yes'"),
+    ],
+)
+def test_a_word_or_a_truth_value_is_no_number_even_where_it_could_be_taken_for_one(params, message):
+    """A `"0.1"` went wrong in the middle of a simulation, and `true` counted as 1."""
+    things = Registry("thing", {"sized": lambda: Sized})
+    with pytest.raises(ConfigError, match=message), things.given("sized", Sized, params):
+        raise AssertionError("it is refused before the call")
+
+
+def test_whole_numbers_tuples_and_arrays_are_numbers():
+    things = Registry("thing", {"sized": lambda: Sized})
+    for params in ({"sizes": (1, 2)}, {"sizes": np.array([0.1])}, {"sizes": [1], "name": "x", "broken": False}):
+        with things.given("sized", Sized, params):
+            assert Sized(**params).sizes == len(params["sizes"])
+
+
 def test_a_mistake_of_the_factory_keeps_its_traceback():
     things = Registry("thing", {"sized": lambda: Sized})
     params = {"sizes": np.array([0.1]), "broken": True}

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import importlib
 import inspect
+import json
 import re
 import sys
 import traceback
@@ -142,15 +143,20 @@ class Registry(Generic[Factory]):
 
     @contextmanager
     def given(self, name: str, factory: Callable[..., Any], params: Mapping[str, Any] | None) -> Iterator[None]:
-        """While `factory` is called with `params`: a `TypeError` is the person's where a value is of another kind.
+        """While `factory` is called with `params`: a value of another kind than it is annotated with is the person's.
+
+        A word or a truth value in the place of a number is refused before the call, since it may go wrong long after;
+        everything else only where the call raises a `TypeError`, since annotations of others may say too little.
 
         Raises:
-            ConfigError: naming each parameter whose value is not of the kind that the factory is annotated with.
+            ConfigError: naming each such parameter.
         """
+        if wrong := _of_another_kind(factory, params or {}, _is_disguised):
+            raise ConfigError(f"{self.kind} '{name}': {'; '.join(wrong)}")
         try:
             yield
         except TypeError as error:
-            if wrong := _of_another_kind(factory, params or {}):
+            if wrong := _of_another_kind(factory, params or {}, _is_other):
                 raise ConfigError(f"{self.kind} '{name}': {'; '.join(wrong)}") from error
             raise
 
@@ -193,14 +199,17 @@ _KINDS = {
     "int": "a whole number",
     "bool": "true or false",
     "str": "a word",
+    "float | None": "a number or null",
     "Sequence[float]": "a list of numbers",
     "Sequence[str]": "a list of words",
 }
 
 
-def _of_another_kind(factory: Callable[..., Any], params: Mapping[str, Any]) -> list[str]:
-    """What to tell of every parameter whose value does not fit its annotation."""
-    from pydantic import PydanticSchemaGenerationError, PydanticUserError, TypeAdapter, ValidationError
+def _of_another_kind(
+    factory: Callable[..., Any], params: Mapping[str, Any], wrongly: Callable[[Any, Any], bool]
+) -> list[str]:
+    """What to tell of every parameter whose value is `wrongly` given for its annotation."""
+    from pydantic import PydanticSchemaGenerationError, PydanticUserError
 
     while isinstance(factory, partial):
         factory = factory.func
@@ -211,15 +220,49 @@ def _of_another_kind(factory: Callable[..., Any], params: Mapping[str, Any]) -> 
     wrong = []
     for name in sorted(set(params) & set(hints)):
         try:
-            value = params[name]  # an array is a list of numbers
-            TypeAdapter(hints[name]).validate_python(value.tolist() if hasattr(value, "tolist") else value)
-        except ValidationError:
-            hint = hints[name]
-            plain = hint.__name__ if isinstance(hint, type) else str(hint).replace("collections.abc.", "")
-            wrong.append(f"{name} must be {_KINDS.get(plain, plain)}, got {params[name]!r}")
+            if wrongly(hints[name], params[name]):
+                hint = hints[name]
+                plain = hint.__name__ if isinstance(hint, type) else str(hint).replace("collections.abc.", "")
+                wrong.append(f"{name} must be {_KINDS.get(plain, plain)}, got {params[name]!r}")
         except (PydanticSchemaGenerationError, PydanticUserError):
             continue
     return wrong
+
+
+def _is_other(hint: Any, value: Any) -> bool:
+    """Whether a value is not of the kind, nor can be taken for one."""
+    from pydantic import TypeAdapter, ValidationError
+
+    try:
+        TypeAdapter(hint).validate_python(value.tolist() if hasattr(value, "tolist") else value)  # an array is a list
+    except ValidationError:
+        return True
+    return False
+
+
+def _is_disguised(hint: Any, value: Any) -> bool:
+    """Whether a value holds a word or a truth value that can be taken for a number, but is none."""
+    from pydantic import TypeAdapter, ValidationError
+
+    if not any(isinstance(leaf, str | bool) for leaf in _leaves(value)) or _is_other(hint, value):
+        return False
+    try:
+        TypeAdapter(hint).validate_json(json.dumps(value), strict=True)  # of lists it minds only what is in them
+    except ValidationError:
+        return True
+    except TypeError:  # an object that JSON does not know
+        return False
+    return False
+
+
+def _leaves(value: Any) -> Iterator[Any]:
+    if isinstance(value, Mapping):
+        value = list(value.values())
+    if isinstance(value, list | tuple):
+        for each in value:
+            yield from _leaves(each)
+    else:
+        yield value
 
 
 _SCREEN = (

@@ -25,8 +25,9 @@ def recorded_failures(path: Path, item: str, world: str, params: Mapping[str, An
     """
     if not path.exists():
         raise ArtifactError(
-            f"{path}: no failures of '{item}' have been recorded. To discover some: `python -m stages.discover "
-            f"world={item} hydra.run.dir={path.parent}`; for a world of the pipeline, `dvc repro discover@{item}`"
+            f"{path}: no failures of '{item}' have been recorded. To discover some: `python -m stages.discover` with "
+            f"the same world=… and its parameters, and hydra.run.dir={path.parent}; "
+            f"for a world of the pipeline, `dvc repro discover@{item}`"
         )
     failures = load_failures(path, "train")
     check_params(failures, world, params, path)

@@ -27,8 +27,8 @@ from p2l.errors import ConfigError
 def no_failures(world: str) -> ConfigError:
     """The error of a world without recorded failures."""
     return ConfigError(
-        f"no failures of world '{world}' to recover from; find some with `python -m stages.discover world={world} "
-        f"hydra.run.dir=data/discover/{world}`, with more executions or more noise"
+        f"no failures of world '{world}' to recover from; find some with `python -m stages.discover` and the "
+        "same world=…, with more executions or more noise"
     )
 
 

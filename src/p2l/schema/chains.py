@@ -131,6 +131,15 @@ class ChainRecoveriesConfig(WorldStageConfig):
         return PPOConfig.model_validate_json(json.dumps({**self.ppo.model_dump(mode="json"), **learner.ppo}))
 
     @model_validator(mode="after")
+    def _limits_of_known_learners(self) -> ChainRecoveriesConfig:
+        known = {*self.learners, *LEARNERS.names(), self.learner.name, *(each.name for each in self.learners.values())}
+        if unknown := sorted(set(self.limits_of) - known):
+            raise ValueError(
+                f"limits_of: {', '.join(unknown)} is none of the learners; known: {', '.join(sorted(known))}"
+            )
+        return self
+
+    @model_validator(mode="after")
     def _settings_of_ppo(self) -> ChainRecoveriesConfig:
         for place, learner in {
             "learner": self.learner,

@@ -6,8 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
-
 from p2l.errors import ConfigError
 from p2l.sim.scene import Physics
 
@@ -27,6 +25,11 @@ PLAIN: Mapping[str, Any] = {
     "armature_scale": 1.0,
 }
 SCALE = (0.1, 10.0)  # what they may be: beyond, it is no longer the arm that holds, or the thing that is held
+LIMITS: Mapping[str, tuple[float, float]] = {  # beyond these the simulation breaks down, or nothing moves any more
+    "impratio": (1.0, 1e5),
+    "air_density": (0.0, 100.0),
+    "joint_damping": (0.0, 100.0),
+}
 VERSION = 3  # of a world that is not told another; chapter 4's door is of version 1, like its records
 
 
@@ -66,10 +69,11 @@ def physics_of(
             raise ConfigError(f"{name} must be a factor from {SCALE[0]:g} to {SCALE[1]:g}, got {scale}")
     if len(axis_scale) != 6 or not all(SCALE[0] <= scale <= SCALE[1] for scale in axis_scale):
         raise ConfigError(f"axis_scale must be six factors from {SCALE[0]:g} to {SCALE[1]:g}, got {list(axis_scale)}")
-    given = {"impratio": (impratio, 1.0), "air_density": (air_density, 0.0), "joint_damping": (joint_damping, 0.0)}
-    for name, (value, least) in given.items():
-        if value is not None and not least <= value < np.inf:
-            raise ConfigError(f"{name} must be at least {least:g}, got {value}")
+    given = {"impratio": impratio, "air_density": air_density, "joint_damping": joint_damping}
+    for name, value in given.items():
+        low, high = LIMITS[name]
+        if value is not None and not low <= value <= high:
+            raise ConfigError(f"{name} must lie between {low:g} and {high:g}, got {value}")
     physics = replace(Physics(**numbers), **VERSIONS[version])  # type: ignore[arg-type]
     stiffness = {name: gain_scale * getattr(physics, name) for name in ("stiffness_linear", "stiffness_angular")}
     damping = {name: gain_scale**0.5 * getattr(physics, name) for name in ("damping_linear", "damping_angular")}
@@ -78,7 +82,7 @@ def physics_of(
         "axis_scale": tuple(axis_scale),
         "armature_scale": armature_scale,
     }
-    changed |= stiffness | damping | {name: value for name, (value, _) in given.items() if value is not None}
+    changed |= stiffness | damping | {name: value for name, value in given.items() if value is not None}
     return replace(physics, **changed)
 
 

@@ -20,6 +20,12 @@ def _door() -> Callable[..., World]:
     return Door
 
 
+def _nut() -> Callable[..., World]:
+    from p2l.worlds.nut.world import Nut
+
+    return Nut
+
+
 def _pick_place() -> Callable[..., World]:
     from p2l.worlds.pick_place.world import PickPlace
 
@@ -39,7 +45,8 @@ def _cluttered_shelf() -> Callable[..., World]:
 
 
 WORLDS: Registry[Callable[..., World]] = Registry(
-    "world", {"door": _door, "pick_place": _pick_place, "shelf": _shelf, "cluttered_shelf": _cluttered_shelf}
+    "world",
+    {"door": _door, "nut": _nut, "pick_place": _pick_place, "shelf": _shelf, "cluttered_shelf": _cluttered_shelf},
 )
 
 

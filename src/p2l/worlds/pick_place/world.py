@@ -139,6 +139,11 @@ class PickPlace(RobotWorld):
     ) -> None:
         params = {name: value for name, value in locals().items() if name not in ("self", "nthread", "__class__")}
         self._low, self._high = _ranges(wall_clearance_m, x_m=x_m, y_m=y_m, yaw_rad=yaw_rad)
+        if joint_noise_rad < 0.0 or force_limit_n <= 0.0:
+            raise ConfigError(
+                "pick_place: joint_noise_rad must be at least 0 and force_limit_n above 0, "
+                f"got {joint_noise_rad} and {force_limit_n}"
+            )
         self._noise_rad, self.force_limit_n = joint_noise_rad, force_limit_n
         self.memory_size = 2 + (FELT_SIZE if version > 1 else 0)
         arena, bread = BinsArena(bin1_pos=BIN1_POS_M), BreadObject(name="Bread")

@@ -1,0 +1,1 @@
+"""robosuite's square nut on its peg."""
