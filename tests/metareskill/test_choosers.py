@@ -162,7 +162,7 @@ def test_unknown_choosers_and_settings_are_refused():
     ],
 )
 def test_settings_out_of_range_are_refused_before_any_training(name, settings):
-    with pytest.raises(ConfigError, match=" given; | must be "):
+    with pytest.raises(ConfigError, match=r" given; | must be "):
         make_chooser(name, settings)
 
 
