@@ -19,7 +19,7 @@ LEVEL = float(np.cos(0.15))  # the nut is tilted by less than 0.15 rad
 
 
 @dataclass(frozen=True)
-class Motion:
+class NutMotion:
     """Numbers of the four motions, m.
 
     Attributes:
@@ -37,7 +37,7 @@ class Motion:
     retreat_m: float = 0.12
 
 
-def options(finger_sign: float, motion: Motion = Motion()) -> tuple[Follow, ...]:
+def options(finger_sign: float, motion: NutMotion = NutMotion()) -> tuple[Follow, ...]:
     """The nominal chain of an arm that grasps with the fingers that way round (+1 or −1)."""
 
     def grasp(seen: Observation) -> Waypoints:
