@@ -178,7 +178,7 @@ def test_a_damaged_failure_file_is_one_message(discovered, tmp_path):
 @pytest.mark.parametrize(
     ("words", "parts"),
     [
-        (("world.name=doors",), ("world.name: given 'doors'", "known: cluttered_shelf, door, nut, pick_place", "shelf")),
+        (("world.name=doors",), ("world.name: given 'doors'", "known: cluttered_shelf, door, nut, pick_place")),
         (("world=doors",), ("world/doors", "pick_place")),
         (("world.params.arm=Kuka",), ("unknown arm 'Kuka'", "Panda", "UR5e")),
         (("world.params.handle=9",), ("unknown handle 9", "1, 2, 3, 4, 5")),
