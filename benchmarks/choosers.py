@@ -27,11 +27,11 @@ from omegaconf import OmegaConf
 
 from benchmarks import report
 from p2l.evaluation.statistics import t_interval
+from p2l.metareskill.algorithm import learn
 from p2l.metareskill.choosers.oracle import best_values
 from p2l.metareskill.choosers.table import CHOOSERS, make_chooser
 from p2l.metareskill.graph import SkillGraph
 from p2l.metareskill.history import Trained
-from p2l.metareskill.loop import learn
 from p2l.metareskill.value_iteration import value_of_failures
 from p2l.records import Array, BoolArray
 

@@ -33,7 +33,7 @@ from p2l.metareskill.ledger import Ledger
 from p2l.metareskill.query import QueryOptions, query
 from p2l.metareskill.regression import fit_skill
 from p2l.metareskill.target import RecoveryTask
-from p2l.metareskill.train import Members, Trainer
+from p2l.metareskill.trainer import Members, Trainer
 from p2l.metareskill.value_iteration import (
     predicted_value,
     recovery_values,

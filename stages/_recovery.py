@@ -11,9 +11,9 @@ from p2l.evaluation.video.recoveries import film_recoveries
 from p2l.metareskill.clips import mode_clips
 from p2l.metareskill.history import History
 from p2l.metareskill.inputs import Files, Inputs, open_inputs
-from p2l.metareskill.learn import Rewards
 from p2l.metareskill.query import QueryOptions
 from p2l.metareskill.record import Recoveries
+from p2l.metareskill.setting import Rewards
 from p2l.schema import LearnRecoveriesConfig
 from p2l.skills.relative import Timing
 from p2l.tracking import Tracker

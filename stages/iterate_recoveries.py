@@ -12,9 +12,9 @@ from p2l.contracts.world import symbols_of
 from p2l.evaluation.metareskill.iterations import ALL, success_figure, success_table
 from p2l.evaluation.sheets import save_sheets
 from p2l.metareskill.choosers.table import make_chooser
+from p2l.metareskill.failure_rounds.field import Field
+from p2l.metareskill.failure_rounds.iteration import Budget, Iteration
 from p2l.metareskill.places import ESTIMATOR
-from p2l.metareskill.rounds.failure_rounds import Budget, Iteration
-from p2l.metareskill.rounds.iterate import Field
 from p2l.metareskill.target import RecoveryTask
 from p2l.schema import IterateRecoveriesConfig
 from p2l.tracking import Tracker

@@ -8,10 +8,10 @@ from typing import Any
 
 from p2l.artifacts import save_arrays
 from p2l.evaluation.metareskill.training import learning_report
+from p2l.metareskill.algorithm import check_budget
+from p2l.metareskill.chooser_run import train_recoveries
 from p2l.metareskill.choosers.table import make_chooser
 from p2l.metareskill.history import History
-from p2l.metareskill.learn import train_recoveries
-from p2l.metareskill.loop import check_budget
 from p2l.metareskill.record import collect, save_recoveries
 from p2l.metareskill.reported import keep_history, reported_split
 from p2l.records import Array

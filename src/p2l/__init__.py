@@ -26,10 +26,10 @@ if TYPE_CHECKING:
     from p2l.domains.table import make_domain
     from p2l.errors import P2LError
     from p2l.failures.front import discover
+    from p2l.metareskill.algorithm import learn
     from p2l.metareskill.choosers.table import make_chooser
     from p2l.metareskill.graph import NominalSkill, SkillGraph
     from p2l.metareskill.history import History, Trained
-    from p2l.metareskill.loop import learn
     from p2l.team.certificate import check_certificate
     from p2l.team.facility import solve_facility_location
     from p2l.team.files import read_problem
@@ -86,7 +86,7 @@ _HOMES = {
     "p2l.metareskill.choosers.table": ("make_chooser",),
     "p2l.metareskill.graph": ("NominalSkill", "SkillGraph"),
     "p2l.metareskill.history": ("History", "Trained"),
-    "p2l.metareskill.loop": ("learn",),
+    "p2l.metareskill.algorithm": ("learn",),
     "p2l.team.certificate": ("check_certificate",),
     "p2l.team.facility": ("solve_facility_location",),
     "p2l.team.files": ("read_problem",),

@@ -4,10 +4,10 @@ import numpy as np
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from p2l.metareskill.algorithm import learn
 from p2l.metareskill.choosers.table import make_chooser
 from p2l.metareskill.graph import SkillGraph
 from p2l.metareskill.history import History, Round, Trained
-from p2l.metareskill.loop import learn
 from p2l.metareskill.value_iteration import value_of_failures
 
 

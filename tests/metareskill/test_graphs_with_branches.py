@@ -10,11 +10,11 @@ from hypothesis.extra import numpy as hnp
 
 from p2l.artifacts import load_arrays, save_arrays
 from p2l.errors import ConfigError, ShapeError
+from p2l.metareskill.algorithm import learn
 from p2l.metareskill.choosers.oracle import best_values
 from p2l.metareskill.choosers.table import make_chooser
 from p2l.metareskill.graph import NominalSkill, SkillGraph
 from p2l.metareskill.history import Trained
-from p2l.metareskill.loop import learn
 from p2l.metareskill.value_iteration import NONE, best_skills, predicted_value, value_iteration, value_of_failures
 from tests.metareskill.skill_graphs import graphs
 

@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from p2l.errors import ConfigError
+from p2l.metareskill.algorithm import learn
 from p2l.metareskill.choosers.curves import CurveBelief, Sharing, belief
 from p2l.metareskill.choosers.lookahead import expected_rises
 from p2l.metareskill.choosers.table import make_chooser
 from p2l.metareskill.graph import NominalSkill, SkillGraph
 from p2l.metareskill.history import History, Trained
-from p2l.metareskill.loop import learn
 from p2l.metareskill.value_iteration import predicted_value, value_of_failures
 from tests.metareskill.skill_graphs import fresh, graphs
 

@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 
 from p2l.errors import ArtifactError, ConfigError
+from p2l.metareskill.chooser_run import train_recoveries
 from p2l.metareskill.choosers.table import make_chooser
 from p2l.metareskill.graph import SkillGraph
-from p2l.metareskill.learn import Setting, train_recoveries
 from p2l.metareskill.ledger import Ledger
 from p2l.metareskill.query import QueryOptions
 from p2l.metareskill.reported import ReportedSplit, keep_history, reported_split, reported_values
-from p2l.metareskill.train import Members, Trainer
+from p2l.metareskill.setting import Setting
+from p2l.metareskill.trainer import Members, Trainer
 from p2l.metareskill.value_iteration import value_of_failures
 from tests.failures.pushing import found
 from tests.metareskill import pushing_back as pb

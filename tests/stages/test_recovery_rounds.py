@@ -9,8 +9,8 @@ import pytest
 from p2l.errors import ConfigError
 from p2l.failures.classifier import ModeClassifier, load_modes
 from p2l.failures.record import load_failures
+from p2l.metareskill.failure_rounds.growth import join
 from p2l.metareskill.record import load_recoveries
-from p2l.metareskill.rounds.iterate import join
 from p2l.preconditions.record import load_preconditions
 from stages import iterate_recoveries
 from tests.stages import recovering

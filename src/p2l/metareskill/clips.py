@@ -14,8 +14,8 @@ import numpy as np
 from p2l.contracts.rows import Rows
 from p2l.failures.discovery import replay
 from p2l.failures.record import Failures
-from p2l.metareskill.learn import Setting
 from p2l.metareskill.record import Recoveries
+from p2l.metareskill.setting import Setting
 from p2l.metareskill.strategies import Playbook, playbook
 from p2l.records import BoolArray, IntArray
 from p2l.seeding import generator

@@ -11,8 +11,8 @@ from typing import Any
 from p2l.contracts.world import symbols_of
 from p2l.failures.classifier import load_modes
 from p2l.failures.record import Failures, check_pair, check_params, load_failures, open_world
-from p2l.metareskill.learn import Rewards, Setting, members, start_graph
 from p2l.metareskill.query import QueryOptions
+from p2l.metareskill.setting import Rewards, Setting, members, start_graph
 from p2l.metareskill.target import RecoveryTask
 from p2l.preconditions.record import load_preconditions
 

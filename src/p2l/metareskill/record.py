@@ -19,7 +19,7 @@ from p2l.failures.classifier import ModeClassifier
 from p2l.metareskill.graph import SkillGraph
 from p2l.metareskill.history import History
 from p2l.metareskill.regression import ParameterisedSkill
-from p2l.metareskill.train import Trainer
+from p2l.metareskill.trainer import Trainer
 from p2l.preconditions.record import Preconditions
 from p2l.skills.relative import Timing
 

@@ -24,10 +24,11 @@ from p2l.errors import ConfigError
 from p2l.failures.discovery import find_failures
 from p2l.failures.record import Failures
 from p2l.ledger import Item, find, write
+from p2l.metareskill.chooser_run import record_history
 from p2l.metareskill.graph import SkillGraph
 from p2l.metareskill.history import History
-from p2l.metareskill.learn import Setting, members, record_history
-from p2l.metareskill.train import Members, Trainer
+from p2l.metareskill.setting import Setting, members
+from p2l.metareskill.trainer import Members, Trainer
 from p2l.metareskill.value_iteration import value_of_failures
 from p2l.records import Array
 from p2l.seeding import generator

@@ -21,7 +21,7 @@ from p2l.evaluation.metareskill.rounds import (
 )
 from p2l.evaluation.sheets import StageReport, save_sheets
 from p2l.metareskill.history import hopeless
-from p2l.metareskill.learn import Setting
+from p2l.metareskill.setting import Setting
 
 
 def learning_report(

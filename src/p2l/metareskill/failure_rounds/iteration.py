@@ -1,4 +1,6 @@
-"""All failure rounds of one seed: train, see success, find what is left, train on (`iterate` does the single steps).
+"""All failure rounds of one seed: train, see success, find what is left, train on.
+
+Episodes are run in a `field`, what is left is found and grouped in `remaining`, and the setting grows in `growth`.
 
 Start states of discovery and of success have seed paths of their own (`p2l.seeding`); nothing else uses them.
 """
@@ -15,15 +17,18 @@ import numpy as np
 
 from p2l.failures.classifier import save_modes
 from p2l.failures.record import SPLITS, Failures, Origin, save_failures
+from p2l.metareskill.algorithm import check_budget
+from p2l.metareskill.chooser_run import train_recoveries
 from p2l.metareskill.choosers.contract import Chooser
+from p2l.metareskill.failure_rounds.field import Field, execute
+from p2l.metareskill.failure_rounds.growth import extend, extend_graph, extend_history
+from p2l.metareskill.failure_rounds.remaining import group, lost
 from p2l.metareskill.graph import SkillGraph
 from p2l.metareskill.history import History
-from p2l.metareskill.learn import Setting, train_recoveries
 from p2l.metareskill.ledger import Ledger
-from p2l.metareskill.loop import check_budget
 from p2l.metareskill.record import Recoveries, collect, save_recoveries
-from p2l.metareskill.rounds.iterate import Field, execute, extend, extend_graph, extend_history, group, lost
-from p2l.metareskill.train import Trainer
+from p2l.metareskill.setting import Setting
+from p2l.metareskill.trainer import Trainer
 from p2l.seeding import entropy, generator
 
 log = logging.getLogger(__name__)

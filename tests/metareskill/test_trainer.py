@@ -8,7 +8,7 @@ from p2l.errors import ArtifactError
 from p2l.metareskill.ledger import Entry, Ledger
 from p2l.metareskill.query import QueryOptions
 from p2l.metareskill.regression import ParameterisedSkill
-from p2l.metareskill.train import Members, Trainer
+from p2l.metareskill.trainer import Members, Trainer
 from p2l.skills.execute import without_noise
 from p2l.skills.relative import SIZE
 from tests.metareskill import pushing_back as pb

@@ -1,8 +1,8 @@
 """Train one recovery once more: query REPS at another failure, refit the skill, measure it on held-out failures.
 
-This is the `train` of Algorithm 3 (`metareskill.loop.Train`). A parameterised skill is k-nearest-neighbour regression
-over the failures of its mode that were solved; its success rate q is measured on held-out failures of the mode, which
-have another seed and are never trained from (thesis, sections 4.3.2 and 4.4).
+This is the `train` of Algorithm 3 (`metareskill.algorithm.Train`). A parameterised skill is k-nearest-neighbour
+regression over the failures of its mode that were solved; its success rate q is measured on held-out failures of the
+mode, which have another seed and are never trained from (thesis, sections 4.3.2 and 4.4).
 
 Axis letters: N failures, P parameters.
 """

@@ -6,9 +6,9 @@ import pytest
 
 from p2l.artifacts import load_arrays, save_arrays
 from p2l.errors import ConfigError, ShapeError
+from p2l.metareskill.algorithm import learn
 from p2l.metareskill.choosers.table import make_chooser
 from p2l.metareskill.history import History, Trained, table
-from p2l.metareskill.loop import learn
 from tests.metareskill.skill_graphs import fresh, replayed, run, saturating, written
 
 GRAPH = fresh(3)
