@@ -12,6 +12,7 @@ from p2l.metareskill.algorithm import check_budget
 from p2l.metareskill.chooser_run import train_recoveries
 from p2l.metareskill.choosers.table import make_chooser
 from p2l.metareskill.history import History
+from p2l.metareskill.ledger import Ledger
 from p2l.metareskill.record import collect, save_recoveries
 from p2l.metareskill.reported import keep_history, reported_split
 from p2l.records import Array
@@ -36,8 +37,7 @@ def run(cfg: LearnRecoveriesConfig, out: Path, track: Tracker) -> None:
         check_budget(setting.graph, chooser, **budget)
     code = code_of("learn_recoveries", cfg, cfg.records)
     split = reported_split(setting, inputs.train, cfg.reported, records, cfg.item)
-    histories: dict[tuple[int, str], History] = {}
-    values: dict[tuple[int, str], Array] = {}
+    histories, values, ledgers = dict[tuple[int, str], History](), dict[tuple[int, str], Array](), dict[int, Ledger]()
     with counter(f"learn {cfg.item}", "round", cfg.rounds * len(choosers) * len(cfg.seeds)) as show:
         for seed in cfg.seeds:
             trainer = setting.trainer(seed, records / f"{cfg.item}-ledger-s{seed}.npz", code)
@@ -47,13 +47,13 @@ def run(cfg: LearnRecoveriesConfig, out: Path, track: Tracker) -> None:
                     history = train_recoveries(trainer, setting.graph, chooser, report=report, **budget)
                 args = cfg.item, trainer, name, setting.graph, history, split, budget | cfg.choosers[name].model_dump()
                 histories[seed, name], values[seed, name] = history, keep_history(records, *args)
-            first = histories[seed, cfg.compare[0]]
+            ledgers[seed], first = trainer.ledger, histories[seed, cfg.compare[0]]
             learnt = collect(trainer, setting.modes, setting.graph, first, cfg.episodes)
             save_recoveries(out / "recoveries" / f"s{seed}.npz", learnt)
             save_arrays(out / "histories" / f"s{seed}.npz", first.arrays(), schema="recovery_history", version=1)
             if seed == cfg.seeds[0]:
                 films = film(cfg, inputs, learnt, out / "videos")
-    tell(track, learning_report(out, cfg.item, setting, histories, values, cfg.compare), log, films)
+    tell(track, learning_report(out, cfg.item, setting, histories, values, ledgers, cfg.compare), log, films)
 
 
 if __name__ == "__main__":

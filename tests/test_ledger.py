@@ -23,7 +23,7 @@ def test_a_record_of_another_configuration_stays_and_both_are_found(tmp_path, ca
 
 
 def entry(q):
-    return Entry(0, True, np.zeros(SIZE), np.array([0.5]), 7, q, 10, 0.1)
+    return Entry(0, True, np.zeros(SIZE), np.array([0.5]), np.zeros(0), 7, q, 10, 0.1)
 
 
 def test_queries_of_another_training_stay_and_both_go_on(tmp_path):

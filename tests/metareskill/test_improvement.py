@@ -65,3 +65,17 @@ def test_equal_differences_leave_no_doubt_and_no_division_by_zero():
 def test_a_worse_measurement_does_not_lower_a_rate():
     assert limits([0.4, 0.1, 0.4])[2] == limits([0.4, 0.4, 0.4])[2]
     assert limits([0.4, 0.1])[0] == pytest.approx(0.2)
+
+
+def test_doubt_is_what_no_success_in_n_trials_leaves_open():
+    """1 − 0.05^(1/n), the limit of a rate of which n trials have shown none."""
+    for n in (2, 3, 10):
+        assert limits([0.0] * n, doubt=True)[2] == pytest.approx(1.0 - 0.05 ** (1.0 / n))
+        assert stats.binom.cdf(0, n, limits([0.0] * n, doubt=True)[2]) == pytest.approx(0.05)
+    assert limits([0.0], doubt=True) == limits([0.0])
+
+
+@given(rates)
+def test_doubt_says_nothing_of_what_has_risen(measured):
+    if max([0.0, *measured]) > 0.0:
+        assert limits(measured, doubt=True) == limits(measured)

@@ -134,6 +134,9 @@ def test_two_unsolved_first_queries_do_not_end_a_recovery():
     assert history.counts[0, 1] == 2
     *_, ahead = learn(graph, make_chooser("lookahead"), train, rounds=60, rng=np.random.default_rng(0))
     assert ahead.best[0, 1] == 0.9
+    cured = make_chooser("metareskill", {"initial_rounds": 2, "doubt": True})
+    *_, back = learn(graph, cured, train, rounds=60, rng=np.random.default_rng(0))
+    assert back.best[0, 1] == 0.9, "two failures leave much open"
 
 
 def saturates(ceiling, pace):

@@ -1,12 +1,14 @@
 """Trained recoveries on the small push world: what a skill does at a failure that REPS solved, and modes too small."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from p2l.artifacts import load_arrays, save_arrays
 from p2l.errors import ArtifactError
 from p2l.metareskill.ledger import Entry, Ledger
-from p2l.metareskill.query import QueryOptions
+from p2l.metareskill.query import QueryOptions, query
 from p2l.metareskill.regression import ParameterisedSkill
 from p2l.metareskill.trainer import Members, Trainer
 from p2l.skills.execute import without_noise
@@ -18,7 +20,7 @@ OPTIONS = QueryOptions(updates=2, rollouts=8, solved=0.3, timing=pb.TIMING)
 
 
 def entry(failure, parameters, q):
-    return Entry(failure, True, parameters, np.array([1.0]), 8, q, 1, 0.0)
+    return Entry(failure, True, parameters, np.array([1.0]), np.array([0.5]), 8, q, 1, 0.0)
 
 
 @pytest.fixture(scope="module")
@@ -55,6 +57,24 @@ def test_a_mode_of_one_failure_is_trained_from_it_again_and_again(task):
     assert all(0.0 <= each.q <= 1.0 and each.trials == 1 for each in told)
     assert any(each.solved for each in told)
     assert np.isfinite(task.recovery(made.skill(1, PUSH, 3), PUSH, task.world.observe(made.held_out.rows))).all()
+
+
+def test_all_updates_are_made_as_the_authors_did_also_of_what_is_solved_or_hopeless(task):
+    row, rng = pb.standing(task.world, 0.13, 0.08), lambda: [np.random.default_rng(3)]
+    easy = QueryOptions(updates=4, rollouts=8, solved=0.1, hopeless=1, timing=pb.TIMING)
+    [short] = query(task, row, [PUSH], rng(), easy)
+    [whole] = query(task, row, [PUSH], rng(), replace(easy, all_updates=True))
+    assert short.solved
+    assert len(short.success) < 4
+    assert len(whole.success) == len(whole.kl_nats) == 4
+    assert whole.rollouts == 32
+    assert whole.success[: len(short.success)] == short.success, "the same search, carried on"
+    assert whole.kl_nats[: len(short.kl_nats)] == short.kl_nats
+    impossible = replace(easy, solved=1.0, all_updates=True)
+    far = pb.standing(task.world, 0.13, 0.6)
+    [lost] = query(task, far, [PUSH], rng(), impossible)
+    assert len(lost.success) == 4
+    assert not lost.solved
 
 
 def test_a_mode_without_held_out_failures_cannot_be_measured(task):

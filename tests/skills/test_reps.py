@@ -7,6 +7,7 @@ from hypothesis.extra.numpy import arrays
 from p2l.errors import ConfigError, ShapeError
 from p2l.skills.reps import (
     SearchDistribution,
+    divergence,
     dual,
     relative_entropy,
     sample_weights,
@@ -92,3 +93,22 @@ def test_bad_input_is_refused():
         update(search, np.zeros((2, 2)), np.zeros(3), epsilon=0.5)
     with pytest.raises(ConfigError, match="shrinkage"):
         update(search, np.zeros((2, 2)), np.zeros(2), epsilon=0.5, shrinkage=2.0)
+
+
+def test_the_divergence_of_gaussians_by_hand_and_by_torch():
+    one = SearchDistribution(np.array([1.0]), np.array([[4.0]]))
+    other = SearchDistribution(np.array([0.0]), np.array([[1.0]]))
+    assert divergence(one, other) == pytest.approx(0.5 * (4.0 + 1.0 - 1.0 - np.log(4.0)))
+    assert divergence(one, one) == pytest.approx(0.0, abs=1e-12)
+    import torch
+
+    rng = np.random.default_rng(0)
+    drawn = []
+    for _ in range(2):
+        root = rng.normal(size=(5, 5))
+        drawn.append(SearchDistribution(rng.normal(size=5), root @ root.T + np.eye(5)))
+    normal = [
+        torch.distributions.MultivariateNormal(torch.tensor(np.array(d.mean)), torch.tensor(np.array(d.covariance)))
+        for d in drawn
+    ]
+    assert divergence(*drawn) == pytest.approx(float(torch.distributions.kl_divergence(*normal)), rel=1e-9)

@@ -20,7 +20,7 @@ from p2l.preconditions.record import load_preconditions, save_preconditions
 from tests import waiting
 from tests.stages.recovering import ROOT, WORLD, PushSeen, found, learn, prepare
 
-RESULTS = ("rounds.csv", "figure_4_6.csv", "figure_4_7.csv", "choosers.csv")
+RESULTS = ("rounds.csv", "queries.csv", "figure_4_6.csv", "figure_4_7.csv", "choosers.csv")
 KILL = """
 import os, signal, sys
 from pathlib import Path
@@ -85,6 +85,11 @@ def test_learning_leaves_skills_rounds_and_figures(folder, tracked):
     before = rounds.groupby(["seed", "chooser", "mode", "target"]).cumcount()
     curves = rounds.assign(before=before).groupby(["seed", "mode", "target", "before"])["q"].nunique()
     assert (curves == 1).all()  # every chooser sees the same learning curves
+    queries = pd.read_csv(out / "queries.csv")
+    assert len(queries) == queries.groupby(["seed", "mode", "target", "number"]).ngroups >= 16
+    share = queries.groupby("solved")["success"]
+    assert share.min().get(True, 1.0) > share.max().get(False, 0.0)
+    assert (queries["kl_nats"].dropna() > 0.0).all()
     world = PushSeen()
     files = found(folder)
     given = load_preconditions(files["preconditions"], world), load_modes(files["modes"], world)
@@ -136,10 +141,10 @@ def test_a_killed_training_goes_on_to_the_bit_in_the_same_runs(folder, tracked, 
     experiment = client.get_experiment_by_name("learn_recoveries").experiment_id
     before = {each.info.run_id for each in client.search_runs([experiment])}
     [ledger] = (tmp_path / "out").glob("**/*ledger*s0.npz")
-    kept = load_arrays(ledger, schema="recovery_ledger", version=1)["seconds"]
+    kept = load_arrays(ledger, schema="recovery_ledger", version=2)["seconds"]
     assert len(kept) == after
     learn(folder, tmp_path / "out", store=store)
-    again = load_arrays(ledger, schema="recovery_ledger", version=1)["seconds"]
+    again = load_arrays(ledger, schema="recovery_ledger", version=2)["seconds"]
     np.testing.assert_array_equal(again[:after], kept)  # wall times are new where a query is run again
     for name in RESULTS[:3]:
         mine, theirs = (pd.read_csv(out / name) for out in (tmp_path / "out", whole))

@@ -4,13 +4,13 @@ An entry is a function of the seed, the recovery and how often that was trained 
 interrupted therefore goes on from its last entry, to the bit, and two choosers that train the same recovery as often
 find the same entries.
 
-Axis letters: T entries, U updates of a query, P parameters.
+Axis letters: T entries, U updates of a query, V of them moved its search distribution, P parameters.
 """
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -22,7 +22,7 @@ from p2l.records import Array, freeze
 from p2l.skills.relative import SIZE
 
 log = logging.getLogger(__name__)
-SCHEMA, VERSION = "recovery_ledger", 1
+SCHEMA, VERSION = "recovery_ledger", 2
 Key = tuple[int, int, int]
 _NUMBERS = ("failure", "solved", "rollouts", "q", "trials", "seconds")
 
@@ -36,6 +36,7 @@ class Entry:
         solved: the query found a recovery from there.
         parameters: [P] its answer; of an unsolved query the last mean, which no skill uses.
         success: [U] share of rollouts that reached the target, by update.
+        kl_nats: [V] by how much the search distribution was moved, KL(new ‖ old).
         rollouts: how many were run.
         q: success rate of the recovery skill on held-out failures, with this entry.
         trials: how many of them there are.
@@ -46,6 +47,7 @@ class Entry:
     solved: bool
     parameters: Array
     success: Array
+    kl_nats: Array
     rollouts: int
     q: float
     trials: int
@@ -54,6 +56,7 @@ class Entry:
     def __post_init__(self) -> None:
         object.__setattr__(self, "parameters", freeze("parameters", self.parameters, (SIZE,), {}))
         object.__setattr__(self, "success", freeze("success", self.success, ("U",), {}, low=0.0, high=1.0))
+        object.__setattr__(self, "kl_nats", freeze("kl_nats", self.kl_nats, ("V",), {}))
 
 
 @dataclass
@@ -103,10 +106,6 @@ class Ledger:
     def arrays(self) -> dict[str, AnyArray]:
         """All entries, one row each."""
         entries = list(self.entries.values())
-        width = max((len(entry.success) for entry in entries), default=0)
-        success = np.full((len(entries), width), np.nan)
-        for row, entry in zip(success, entries, strict=True):
-            row[: len(entry.success)] = entry.success
         keys = np.array(list(self.entries), dtype=np.int64).reshape(len(entries), 3)
         parameters = np.array([entry.parameters for entry in entries]).reshape(len(entries), SIZE)
         numbers = {name: np.array([getattr(entry, name) for entry in entries]) for name in _NUMBERS}
@@ -114,20 +113,30 @@ class Ledger:
             "identity": np.array(self.identity),
             "keys": keys,
             "parameters": parameters,
-            "success": success,
+            "success": _padded([entry.success for entry in entries]),
+            "kl_nats": _padded([entry.kl_nats for entry in entries]),
             **numbers,
         }
+
+
+def _padded(curves: Sequence[Array]) -> Array:
+    """Curves of unlike length as rows, NaN behind each."""
+    table = np.full((len(curves), max((len(curve) for curve in curves), default=0)), np.nan)
+    for row, curve in zip(table, curves, strict=True):
+        row[: len(curve)] = curve
+    return table
 
 
 def _entries(arrays: Mapping[str, AnyArray]) -> dict[Key, Entry]:
     entries: dict[Key, Entry] = {}
     for row, (mode, target, number) in enumerate(arrays["keys"].tolist()):
-        success = arrays["success"][row]
+        success, moved = arrays["success"][row], arrays["kl_nats"][row]
         entries[mode, target, number] = Entry(
             failure=int(arrays["failure"][row]),
             solved=bool(arrays["solved"][row]),
             parameters=arrays["parameters"][row],
             success=success[np.isfinite(success)],
+            kl_nats=moved[np.isfinite(moved)],
             rollouts=int(arrays["rollouts"][row]),
             q=float(arrays["q"][row]),
             trials=int(arrays["trials"][row]),

@@ -9,8 +9,10 @@ Where the facts are silent:
 2. The first mean goes straight; before the last waypoint it leaves open whether the fingers are open or closed.
 3. A search stops after the first update whose rollouts succeed often enough, and answers with the mean that drew
    them. An unsolved one answers with its last mean; it is a failure and says so.
+   With `all_updates` it makes all of them, as the author's did, and answers with the last mean; it is solved where the
+   last rollouts succeed often enough.
 4. A search none of whose rollouts reached the target in the first `hopeless` updates is given up: on the door no such
-   search was solved later, and they took a quarter of all updates.
+   search was solved later, and they took a quarter of all updates. `all_updates` gives up none.
 5. A rollout whose simulation breaks down gets the lowest return of its update.
 
 All rollouts of an update are one batch of the engine; several queries share batches and stay independent of each
@@ -32,7 +34,7 @@ from p2l.metareskill.target import RecoveryTask
 from p2l.records import Array, BoolArray
 from p2l.skills.execute import execute, without_noise
 from p2l.skills.relative import SIZE, WAYPOINTS, Timing
-from p2l.skills.reps import SearchDistribution, update
+from p2l.skills.reps import SearchDistribution, divergence, update
 
 LAST = 5.0  # weight of the last waypoint's reward, beside the sum over all
 
@@ -53,6 +55,7 @@ class QueryOptions:
         sigma_grip: of each number whose sign opens or closes the fingers.
         floor: smallest standard deviations as a share of the first.
         shrinkage: 1 keeps the diagonal of covariances only, 0 all of them.
+        all_updates: none is left out, whether the query is solved before or hopeless.
         timing: of the recovery.
     """
 
@@ -67,6 +70,7 @@ class QueryOptions:
     sigma_grip: float = 1.0
     floor: float = 0.1
     shrinkage: float = 1.0
+    all_updates: bool = False
     timing: Timing = field(default_factory=Timing)
 
     def __post_init__(self) -> None:
@@ -94,6 +98,7 @@ class QueryResult:
         solved: whether enough rollouts reached the target.
         success: share of rollouts that did, one number per update.
         returns: mean return, likewise.
+        kl_nats: by how much each update moved the search distribution, KL(new ‖ old) of the Gaussians.
         rollouts: how many were run.
     """
 
@@ -101,6 +106,7 @@ class QueryResult:
     solved: bool
     success: tuple[float, ...]
     returns: tuple[float, ...]
+    kl_nats: tuple[float, ...]
     rollouts: int
 
 
@@ -111,7 +117,7 @@ def query(
     rows = without_noise(rows)
     searches = [_first(task, rows.take([q]), target, rngs[q], options) for q, target in enumerate(targets)]
     answers: dict[int, QueryResult] = {}
-    curves: list[tuple[list[float], list[float]]] = [([], []) for _ in targets]
+    curves: list[tuple[list[float], list[float], list[float]]] = [([], [], []) for _ in targets]
     for number in range(1, options.updates + 1):
         active = [q for q in range(len(targets)) if q not in answers]
         if not active:
@@ -121,13 +127,15 @@ def query(
         for q, sample, value, hit in zip(active, samples, returns, hits, strict=True):
             curves[q][0].append(float(hit.mean()))
             curves[q][1].append(float(value.mean()))
-            solved = bool(hit.mean() >= options.solved)
-            going = any(curves[q][0]) or number < options.hopeless
-            if not solved and going and number < options.updates:
-                searches[q] = _update(searches[q], sample, value, options)
-                continue
-            success, mean = (tuple(curve) for curve in curves[q])
-            answers[q] = QueryResult(searches[q].mean, solved, success, mean, number * options.rollouts)
+            solved, last = bool(hit.mean() >= options.solved), number == options.updates
+            hopeless = not any(curves[q][0]) and number >= options.hopeless
+            ends = last if options.all_updates else last or solved or hopeless
+            if options.all_updates or not ends:
+                before, searches[q] = searches[q], _update(searches[q], sample, value, options)
+                curves[q][2].append(divergence(searches[q], before))
+            if ends:
+                success, mean, moved = (tuple(curve) for curve in curves[q])
+                answers[q] = QueryResult(searches[q].mean, solved, success, mean, moved, number * options.rollouts)
     return tuple(answers[q] for q in range(len(targets)))
 
 

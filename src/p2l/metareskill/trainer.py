@@ -92,6 +92,7 @@ class Trainer:
             solved=answer.solved,
             parameters=answer.parameters,
             success=np.array(answer.success),
+            kl_nats=np.array(answer.kl_nats),
             rollouts=answer.rollouts,
             q=q,
             trials=trials,

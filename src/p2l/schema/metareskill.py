@@ -75,6 +75,7 @@ class QueryConfig(ConfigSection):
     sigma_grip: Positive
     floor: Probability
     shrinkage: Probability
+    all_updates: bool
 
 
 class ChooserConfig(ChoiceConfig):

@@ -81,6 +81,15 @@ def relative_entropy(weights: Array) -> float:
     return float((positive * np.log(positive * len(weights))).sum())
 
 
+def divergence(new: SearchDistribution, old: SearchDistribution) -> float:
+    """KL(new ‖ old) of the two Gaussians, nats. ε bounds the weights of samples only, and this not at all."""
+    factor = np.linalg.cholesky(old.covariance)
+    spread = np.linalg.solve(factor, np.linalg.cholesky(new.covariance))
+    away = np.linalg.solve(factor, new.mean - old.mean)
+    shrunk = np.log(np.abs(np.diag(spread))).sum()
+    return float(0.5 * ((spread**2).sum() + away @ away - len(away)) - shrunk)
+
+
 def update(
     search: SearchDistribution,
     samples: Array,

@@ -12,6 +12,7 @@ import pandas as pd
 
 from p2l.metareskill.graph import SkillGraph
 from p2l.metareskill.history import History, table
+from p2l.metareskill.ledger import Ledger
 from p2l.metareskill.value_iteration import value_of_failures
 from p2l.records import Array
 
@@ -28,6 +29,32 @@ def rounds_table(histories: Histories, reported: Values, targets: Sequence[str])
         {"seed": seed, "chooser": chooser, **row, "value_reported": float(value)}
         for (seed, chooser), history in histories.items()
         for row, value in zip(table(history, targets), reported[seed, chooser], strict=True)
+    ]
+    return pd.DataFrame(rows)
+
+
+def queries_table(ledgers: Mapping[int, Ledger], targets: Sequence[str]) -> pd.DataFrame:
+    """A row per query: `seed, mode, target, number, failure, solved, updates, rollouts, success, kl_nats, q`.
+
+    `number` counts the queries of a recovery from 0, `success` is of its last update's rollouts; `kl_nats` is the
+    median over the updates of how far the search distribution moved, KL(new ‖ old), NaN where none did.
+    """
+    rows = [
+        {
+            "seed": seed,
+            "mode": mode,
+            "target": targets[target],
+            "number": number,
+            "failure": entry.failure,
+            "solved": entry.solved,
+            "updates": len(entry.success),
+            "rollouts": entry.rollouts,
+            "success": float(entry.success[-1]),
+            "kl_nats": float(np.median(entry.kl_nats)) if len(entry.kl_nats) else float("nan"),
+            "q": entry.q,
+        }
+        for seed, ledger in ledgers.items()
+        for (mode, target, number), entry in sorted(ledger.entries.items())
     ]
     return pd.DataFrame(rows)
 

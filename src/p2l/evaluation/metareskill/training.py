@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,18 +16,26 @@ from p2l.evaluation.metareskill.rounds import (
     Values,
     allocation_table,
     comparison_table,
+    queries_table,
     rounds_table,
     value_table,
 )
 from p2l.evaluation.sheets import StageReport, save_sheets
 from p2l.metareskill.history import hopeless
+from p2l.metareskill.ledger import Ledger
 from p2l.metareskill.setting import Setting
 
 
 def learning_report(
-    out: Path, item: str, setting: Setting, histories: Histories, reported: Values, choosers: Sequence[str]
+    out: Path,
+    item: str,
+    setting: Setting,
+    histories: Histories,
+    reported: Values,
+    ledgers: Mapping[int, Ledger],
+    choosers: Sequence[str],
 ) -> StageReport:
-    """Write rounds.csv, figure_4_6.csv, figure_4_7.csv, choosers.csv, their figures, the graphs and summary.json.
+    """Write the tables of rounds, queries, figures 4.6 and 4.7 and choosers, the figures, the graphs and summary.json.
 
     Args:
         out: folder.
@@ -35,6 +43,7 @@ def learning_report(
         setting: shared by all.
         histories: by (seed, chooser).
         reported: values to report of them, see `metareskill.reported`.
+        ledgers: by seed, with the queries of all choosers.
         choosers: the first one's skills are kept.
     """
     targets, first = setting.task.targets, choosers[0]
@@ -43,6 +52,7 @@ def learning_report(
     comparison = comparison_table(values, first)
     tables = {
         "rounds": rounds_table(histories, reported, targets),
+        "queries": (asked := queries_table(ledgers, targets)),
         "figure_4_6": allocation,
         "figure_4_7": values,
         "choosers": comparison,
@@ -58,6 +68,7 @@ def learning_report(
             figures[f"graphs/s{seed}"] = graph_figure(graph, history.counts, targets, title)
     save_sheets(out, tables, figures)
     facts = _facts(setting, histories, reported, values, comparison)
+    facts["kl_nats"] = finite(float(asked["kl_nats"].median()))
     save_json(out / "summary.json", facts, schema="learn_summary", version=1)
     metrics = {f"value/{name}": float(value) for name, value in facts["final_value"].items()}
     files = (*(out / f"{name}.png" for name in figures), out / "rounds.csv")
