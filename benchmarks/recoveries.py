@@ -30,10 +30,12 @@ from p2l.contracts.rows import Rows
 from p2l.contracts.world import symbols_of
 from p2l.metareskill.graph import SkillGraph
 from p2l.metareskill.ledger import Ledger
+from p2l.metareskill.members import Members
 from p2l.metareskill.query import QueryOptions, query
 from p2l.metareskill.regression import fit_skill
+from p2l.metareskill.start import Start
 from p2l.metareskill.target import RecoveryTask
-from p2l.metareskill.trainer import Members, Trainer
+from p2l.metareskill.trainer import Trainer
 from p2l.metareskill.value_iteration import (
     predicted_value,
     recovery_values,
@@ -111,8 +113,9 @@ def measurement(task: RecoveryTask, rounds: int) -> float:
     """Time to measure a skill on `TRIALS` held-out failures."""
     rows = task.world.sample(np.random.default_rng(2), TRIALS)
     members = Members(rows, np.zeros(TRIALS, dtype=np.int64))
-    trainer = Trainer(task, members, members, OPTIONS, 0, Ledger(""), TRIALS)
-    skill = fit_skill(np.zeros((1, len(task.symbols.context))), np.zeros((1, SIZE)), residual=True)
+    start = Start.nothing(1, len(task.targets))
+    trainer = Trainer(task, members, members, OPTIONS, 0, Ledger(""), start, TRIALS)
+    skill = fit_skill(np.zeros((1, len(task.symbols.context))), np.zeros((1, SIZE)), guess="straight")
     return median(seconds(lambda: trainer.measure(skill, 0, 0)) for _ in range(rounds))
 
 

@@ -19,13 +19,22 @@ from p2l.skills.relative import Timing
 from p2l.tracking import Tracker
 
 
-def inputs_of(cfg: LearnRecoveriesConfig) -> Inputs:
-    """Read and check every input."""
+def inputs_of(cfg: LearnRecoveriesConfig, out: Path) -> Inputs:
+    """Read and check every input, and measure where recoveries begin; `out` has the record where no folder is named."""
     files = Files(cfg.failures, cfg.held_out, cfg.modes, cfg.preconditions)
     options = QueryOptions(**cfg.query.model_dump(), timing=Timing(**cfg.timing.model_dump()))
     rewards = Rewards(**cfg.rewards.model_dump())
-    residual = cfg.regression == "residual"
-    return open_inputs(files, cfg.world.key, cfg.world.params, rewards, options, cfg.trials, residual=residual)
+    return open_inputs(
+        files,
+        cfg.world.key,
+        cfg.world.params,
+        rewards,
+        options,
+        cfg.trials,
+        guesses=cfg.guesses,
+        records=cfg.records or out / "records",
+        item=cfg.item,
+    )
 
 
 def round_teller(track: Tracker, show: Callable[[int], None]) -> Callable[[History], None]:

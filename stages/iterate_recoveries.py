@@ -29,7 +29,7 @@ from stages._stage import stage
 def run(cfg: IterateRecoveriesConfig, out: Path, track: Tracker) -> None:
     """Leave success.csv and success.png, and by seed and round what was found and learnt."""
     choice = cfg.choosers[cfg.compare[0]]
-    inputs, chooser = inputs_of(cfg), make_chooser(choice.key, choice.params)
+    inputs, chooser = inputs_of(cfg, out), make_chooser(choice.key, choice.params)
     counts = fields_of(cfg, Budget) | cfg.executions.model_dump()
     budget = Budget(**counts)
     budget.check(inputs.setting.graph, chooser)

@@ -31,7 +31,7 @@ log = logging.getLogger(__name__)
 def run(cfg: LearnRecoveriesConfig, out: Path, track: Tracker) -> None:
     """Train with every chooser and seed; keep the first chooser's skills, all rounds, and figures 4.6 and 4.7."""
     choosers = {name: make_chooser(cfg.choosers[name].key, cfg.choosers[name].params) for name in cfg.compare}
-    inputs, records = inputs_of(cfg), cfg.records or out / "records"
+    inputs, records = inputs_of(cfg, out), cfg.records or out / "records"
     setting, budget = inputs.setting, dict[str, Any](rounds=cfg.rounds, episodes=cfg.episodes)
     for chooser in choosers.values():
         check_budget(setting.graph, chooser, **budget)

@@ -23,6 +23,16 @@ def test_hand_computed():
     np.testing.assert_allclose(Estimator("after_first", SIGMA).error(unit, actions), [[0.02, -0.02], [0.0, 0.0]])
 
 
+def test_no_error_is_smaller_than_the_least_one_by_hand():
+    """σ of 20 and 10 mm, halved three times; none falls below 5 mm, and one of 4 mm does not rise to 8."""
+    unit, actions = np.ones((1, DRAWS, 2)), np.array([3])
+    np.testing.assert_allclose(Estimator("halving", SIGMA, 0.005).error(unit, actions), [[0.005, 0.005]])
+    np.testing.assert_allclose(Estimator("halving", (0.02, 0.004), 0.008).error(unit, actions), [[0.008, 0.004]])
+    np.testing.assert_allclose(Estimator("fixed", SIGMA, 0.005).error(unit, actions), [[0.02, 0.01]])
+    with pytest.raises(ConfigError, match="least standard deviation"):
+        Estimator("halving", SIGMA, -0.1)
+
+
 @given(st.integers(0, 40))
 def test_halving_never_exceeds_its_bound_and_is_a_function_of_the_row(actions):
     unit = noise()

@@ -10,10 +10,12 @@ from p2l.metareskill.chooser_run import train_recoveries
 from p2l.metareskill.choosers.table import make_chooser
 from p2l.metareskill.graph import SkillGraph
 from p2l.metareskill.ledger import Ledger
+from p2l.metareskill.members import Members
 from p2l.metareskill.query import QueryOptions
 from p2l.metareskill.reported import ReportedSplit, keep_history, reported_split, reported_values
 from p2l.metareskill.setting import Setting
-from p2l.metareskill.trainer import Members, Trainer
+from p2l.metareskill.start import Start
+from p2l.metareskill.trainer import Trainer
 from p2l.metareskill.value_iteration import value_of_failures
 from tests.failures.pushing import found
 from tests.metareskill import pushing_back as pb
@@ -32,7 +34,7 @@ def far(task, past_m):
 def trained():
     task = pb.setting(estimator="exact")[1]
     given = far(task, np.linspace(0.10, 0.16, 6)), far(task, [0.11, 0.13, 0.15])
-    trainer = Trainer(task, *given, OPTIONS, 0, Ledger(""))
+    trainer = Trainer(task, *given, OPTIONS, 0, Ledger(""), Start.nothing(2, 3))
     graph = SkillGraph(np.array([0.9, 0.9]), np.array([6.0]), np.zeros((1, 3)))
     history = train_recoveries(trainer, graph, make_chooser("round_robin"), **SETTINGS)
     assert history.best.max() > 0.0, "something was learnt"
@@ -63,7 +65,9 @@ def test_on_another_split_the_kept_skills_are_measured_again(trained):
 def test_values_are_measured_once_and_another_split_is_another_record(trained, tmp_path, monkeypatch):
     task, trainer, graph, history = trained
     classifier = pb.modes(task.world)
-    setting = Setting(task, classifier, trainer.failures, trainer.held_out, graph, OPTIONS, trials=2)
+    setting = Setting(
+        task, classifier, trainer.failures, trainer.held_out, graph, OPTIONS, trials=2, start=Start.nothing(2, 3)
+    )
     split = ReportedSplit(setting, found()[2].failures, 7)
     vars(split)["failures"] = far(task, [0.12, 0.14])  # as if these were found
 
@@ -89,7 +93,7 @@ def test_a_mode_without_a_reported_failure_is_refused_before_any_training(tmp_pa
     classifier = pb.modes(world)
     graph = SkillGraph(np.array([0.9, 0.9]), np.array([3.0, 1.0]), np.zeros((2, 3)))
     some = Members(pb.standing(world, [0.1, 0.1], [0.08, -0.08]), np.array([0, 1]))
-    setting = Setting(task, classifier, some, some, graph, OPTIONS, trials=2)
+    setting = Setting(task, classifier, some, some, graph, OPTIONS, trials=2, start=Start.nothing(2, 3))
     failures = found()[2].failures
     assert reported_split(setting, failures, 0, tmp_path, "push") is None
     with pytest.raises((ConfigError, ArtifactError), match=r"reported=2: none of these executions|no failure"):

@@ -8,9 +8,11 @@ import pytest
 from p2l.artifacts import load_arrays, save_arrays
 from p2l.errors import ArtifactError
 from p2l.metareskill.ledger import Entry, Ledger
+from p2l.metareskill.members import Members
 from p2l.metareskill.query import QueryOptions, query
 from p2l.metareskill.regression import ParameterisedSkill
-from p2l.metareskill.trainer import Members, Trainer
+from p2l.metareskill.start import Start
+from p2l.metareskill.trainer import Trainer
 from p2l.skills.execute import without_noise
 from p2l.skills.relative import SIZE
 from tests.metareskill import pushing_back as pb
@@ -28,26 +30,30 @@ def task():
     return pb.setting(estimator="exact")[1]
 
 
-def trainer(task, failures, held_out, residual=True):
+def start(modes, guess, q=0.0):
+    return Start(((guess,) * 3,) * modes, np.full((modes, 3), q))
+
+
+def trainer(task, failures, held_out, guess="straight", q=0.0):
     rows = pb.standing(task.world, np.linspace(0.10, 0.16, len(failures)), 0.08)
     tests = pb.standing(task.world, 0.13, np.full(len(held_out), 0.08))
     given = Members(rows, np.array(failures)), Members(tests, np.array(held_out))
-    return Trainer(task, *given, OPTIONS, 0, Ledger(""), residual=residual)
+    return Trainer(task, *given, OPTIONS, 0, Ledger(""), start(max(failures) + 1, guess, q))
 
 
-@pytest.mark.parametrize("residual", [True, False])
-def test_at_a_solved_failure_a_skill_does_what_reps_found_there_also_after_storage(task, residual, tmp_path):
-    made, found = trainer(task, [0, 0, 0], [0], residual), np.random.default_rng(1).normal(size=(2, SIZE))
+@pytest.mark.parametrize("guess", ["straight", "take", "carry", ""])
+def test_at_a_solved_failure_a_skill_does_what_reps_found_there_also_after_storage(task, guess, tmp_path):
+    made, found = trainer(task, [0, 0, 0], [0], guess), np.random.default_rng(1).normal(size=(2, SIZE))
     made.ledger.entries.update({(0, PUSH, n): entry(n, found[n], q=0.1 * n) for n in range(2)})
     skill = made.skill(0, PUSH, trainings=2)
     save_arrays(tmp_path / "skill.npz", skill.arrays(), schema="recovery", version=1)
     back = ParameterisedSkill.from_arrays(load_arrays(tmp_path / "skill.npz", schema="recovery", version=1))
     seen = task.world.observe(without_noise(made.failures.rows))
     for each in (skill, back):
-        assert each.residual is residual
+        assert each.guess == guess
         np.testing.assert_allclose(task.recovery(each, PUSH, seen)[:2], found, atol=1e-12)
     added = task.recovery(skill, PUSH, seen)[2] - skill.predict(task.symbols.state(seen)[2:, [0, 1]])[0]
-    np.testing.assert_allclose(added, task.straight(seen, PUSH)[2] if residual else 0.0, atol=1e-12)
+    np.testing.assert_allclose(added, task.guessed(guess, seen, PUSH)[2] if guess else 0.0, atol=1e-12)
 
 
 def test_a_mode_of_one_failure_is_trained_from_it_again_and_again(task):
@@ -57,6 +63,27 @@ def test_a_mode_of_one_failure_is_trained_from_it_again_and_again(task):
     assert all(0.0 <= each.q <= 1.0 and each.trials == 1 for each in told)
     assert any(each.solved for each in told)
     assert np.isfinite(task.recovery(made.skill(1, PUSH, 3), PUSH, task.world.observe(made.held_out.rows))).all()
+
+
+def test_the_guess_is_a_skill_until_a_trained_one_is_better(task):
+    made = trainer(task, [0, 0, 0], [0], "straight", q=0.5)
+    seen = task.world.observe(without_noise(made.failures.rows))
+    assert made.kept(0, PUSH, 0) == 0
+    np.testing.assert_allclose(task.recovery(made.skill(0, PUSH, 0), PUSH, seen), task.straight(seen, PUSH))
+    found = np.random.default_rng(1).normal(size=(2, SIZE))
+    made.ledger.entries.update({(0, PUSH, n): entry(n, found[n], q=0.4 + 0.2 * n) for n in range(2)})
+    assert [made.kept(0, PUSH, trainings) for trainings in range(3)] == [0, 0, 2]
+    assert len(made.skill(0, PUSH, 2).states) == 2
+    assert trainer(task, [0], [0], "straight").kept(0, PUSH, 0) is None, "one that never works is none"
+
+
+def test_the_first_mean_of_a_query_is_the_guess(task):
+    """With no spread to speak of the search stays where it begins."""
+    still = replace(OPTIONS, updates=1, sigma_m=(1e-9,) * 3, sigma_rad=1e-9, sigma_grip=1e-9)
+    row = pb.standing(task.world, 0.13, 0.08)
+    seen = task.world.observe(row)
+    [answer] = query(task, row, [PUSH], [np.random.default_rng(0)], still, ["take"])
+    np.testing.assert_allclose(answer.parameters, task.guessed("take", seen, PUSH)[0], atol=1e-7)
 
 
 def test_all_updates_are_made_as_the_authors_did_also_of_what_is_solved_or_hopeless(task):

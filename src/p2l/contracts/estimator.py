@@ -28,6 +28,8 @@ class Estimator:
             the standard deviation (thesis, section 4.4.1, "Evaluation in Simulation"); `after_first` exact once the
             first skill has ended (section 4.4.1, "Evaluation on a Real Robot").
         sigma_m: [E] standard deviation of each estimated coordinate at the start, m.
+        least_m: where the error halves, no standard deviation becomes smaller than this, m (those that are smaller at
+            the start stay as they are): a sensor that does not see the truth however often it looks.
 
     Raises:
         ConfigError: unknown mode, or a negative standard deviation.
@@ -35,12 +37,15 @@ class Estimator:
 
     mode: Mode
     sigma_m: tuple[float, ...]
+    least_m: float = 0.0
 
     def __post_init__(self) -> None:
         if self.mode not in MODES:
             raise ConfigError(f"unknown estimator '{self.mode}'; known: {', '.join(MODES)}")
         if not all(np.isfinite(sigma) and sigma >= 0.0 for sigma in self.sigma_m):
             raise ConfigError(f"estimator: sigma_m must be numbers of at least 0, got {self.sigma_m}")
+        if not (np.isfinite(self.least_m) and self.least_m >= 0.0):
+            raise ConfigError(f"estimator: the least standard deviation must be at least 0, got {self.least_m}")
 
     def draw(self, rng: np.random.Generator, n: int) -> Array:
         """[N, DRAWS, E] unit normals of n episodes."""
@@ -57,4 +62,5 @@ class Estimator:
         if self.mode == "after_first":
             return noise[:, 0] * sigma * (actions == 0)[:, None]
         draw = np.minimum(actions, DRAWS - 1)
-        return noise[rows, draw] * sigma * 0.5 ** actions[:, None].astype(np.float64)
+        halved = sigma * 0.5 ** actions[:, None].astype(np.float64)
+        return noise[rows, draw] * np.maximum(halved, np.minimum(self.least_m, sigma))

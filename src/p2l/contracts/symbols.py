@@ -15,7 +15,11 @@ from p2l.records import Array, BoolArray
 
 
 class Symbols(Protocol):
-    """How a world is described to preconditions and recoveries."""
+    """How a world is described to preconditions and recoveries.
+
+    `things`, where a class has it, are the columns that tell how the things are, whatever the hand does: a guess of how
+    to take hold of them needs to know (`p2l.metareskill.target`).
+    """
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -23,7 +23,8 @@ from p2l.contracts.option import Option
 from p2l.contracts.world import World
 from p2l.failures.classifier import ModeClassifier
 from p2l.ledger import Item, find, write
-from p2l.metareskill.record import Recoveries, preconditions_hash, recoveries_hash
+from p2l.metareskill.identity import preconditions_hash
+from p2l.metareskill.record import Recoveries, recoveries_hash
 from p2l.metareskill.strategies import playbook
 from p2l.metareskill.strategy_names import LEARNT, OPEN_LOOP
 from p2l.metareskill.target import RecoveryTask

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ from p2l.failures.classifier import load_modes
 from p2l.failures.record import Failures, check_pair, check_params, load_failures, open_world
 from p2l.metareskill.query import QueryOptions
 from p2l.metareskill.setting import Rewards, Setting, members, start_graph
+from p2l.metareskill.start import recorded_start
 from p2l.metareskill.target import RecoveryTask
 from p2l.preconditions.record import load_preconditions
 
@@ -53,7 +54,9 @@ def open_inputs(
     options: QueryOptions,
     trials: int,
     *,
-    residual: bool,
+    guesses: Sequence[str],
+    records: Path,
+    item: str,
 ) -> Inputs:
     """Read and check every input; nothing is computed before all of them fit together.
 
@@ -64,7 +67,9 @@ def open_inputs(
         rewards: of the skill graph.
         options: of queries.
         trials: see `Setting`.
-        residual: see `Setting`.
+        guesses: motions that recoveries may begin with, see `start`; none: they succeed never before they are trained.
+        records: folder in which the start of the recoveries is kept.
+        item: name of its record.
 
     Raises:
         ArtifactError: missing, damaged, or not of one and the same world, discovery and clustering.
@@ -81,5 +86,7 @@ def open_inputs(
         log.info(
             "left out, since a learnt precondition holds: %d and %d held-out failures", exclusions, test_exclusions
         )
-    graph = start_graph(task, failures, modes, rewards)
-    return Inputs(Setting(task, modes, failures, tests, graph, options, trials, residual), train, held_out)
+    start_graph(task, failures, modes, rewards)  # refuses modes without failures before anything is run
+    start = recorded_start(records, item, task, failures, tests, options.timing, guesses, trials)
+    graph = start_graph(task, failures, modes, rewards, start)
+    return Inputs(Setting(task, modes, failures, tests, graph, options, trials, start), train, held_out)

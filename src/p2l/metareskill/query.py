@@ -2,11 +2,12 @@
 
 Facts of the author's experiments: relative-entropy bound 0.5, minimum temperature 1e-5, 10 updates of 40 rollouts,
 solved at success ≥ 0.9; return of a rollout Σ over the waypoints of R, plus 5 R at the last one; first mean: the
-straight motion to a sampled goal state of the target.
+straight motion to a sampled goal state of the target. Where a guess is named (`target.GUESSES`) it is the first mean,
+to the mean of D⁺: then solutions of one mode differ by their failures alone, and not by what was sampled.
 
 Where the facts are silent:
 1. Standard deviations of the first distribution, a floor under them, and a diagonal covariance (`QueryOptions`).
-2. The first mean goes straight; before the last waypoint it leaves open whether the fingers are open or closed.
+2. A straight first mean leaves open, before the last waypoint, whether the fingers are open or closed.
 3. A search stops after the first update whose rollouts succeed often enough, and answers with the mean that drew
    them. An unsolved one answers with its last mean; it is a failure and says so.
    With `all_updates` it makes all of them, as the author's did, and answers with the last mean; it is solved where the
@@ -111,11 +112,26 @@ class QueryResult:
 
 
 def query(
-    task: RecoveryTask, rows: Rows, targets: Sequence[int], rngs: Sequence[np.random.Generator], options: QueryOptions
+    task: RecoveryTask,
+    rows: Rows,
+    targets: Sequence[int],
+    rngs: Sequence[np.random.Generator],
+    options: QueryOptions,
+    guesses: Sequence[str] | None = None,
 ) -> tuple[QueryResult, ...]:
-    """Search for a recovery from each of `rows` [Q] to each of `targets` [Q]."""
+    """Search for a recovery from each of `rows` [Q] to each of `targets` [Q].
+
+    Args:
+        task: world and preconditions.
+        rows: failures.
+        targets: where to.
+        rngs: a generator for each query.
+        options: of the search.
+        guesses: names of the first means; empty ones, or none at all: as the author's.
+    """
     rows = without_noise(rows)
-    searches = [_first(task, rows.take([q]), target, rngs[q], options) for q, target in enumerate(targets)]
+    names = guesses or [""] * len(targets)
+    searches = [_first(task, rows.take([q]), target, rngs[q], options, names[q]) for q, target in enumerate(targets)]
     answers: dict[int, QueryResult] = {}
     curves: list[tuple[list[float], list[float], list[float]]] = [([], [], []) for _ in targets]
     for number in range(1, options.updates + 1):
@@ -140,11 +156,13 @@ def query(
 
 
 def _first(
-    task: RecoveryTask, row: Rows, target: int, rng: np.random.Generator, options: QueryOptions
+    task: RecoveryTask, row: Rows, target: int, rng: np.random.Generator, options: QueryOptions, guess: str
 ) -> SearchDistribution:
-    goal = task.preconditions.density(target).sample(rng, 1)
-    mean = task.towards(task.world.privileged(row), task.world.observe(row), goal)[0]
-    mean[6 : 7 * (WAYPOINTS - 1) : 7] = 0.0
+    density = task.preconditions.density(target)
+    goal = density.means[:1] if guess else density.sample(rng, 1)
+    mean = task.guess(guess or "straight", task.world.privileged(row), task.world.observe(row), goal)[0]
+    if guess in ("", "straight"):
+        mean[6 : 7 * (WAYPOINTS - 1) : 7] = 0.0
     return SearchDistribution(mean, np.diag(options.sigma**2))
 
 

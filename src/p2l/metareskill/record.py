@@ -18,12 +18,13 @@ from p2l.errors import ArtifactError
 from p2l.failures.classifier import ModeClassifier
 from p2l.metareskill.graph import SkillGraph
 from p2l.metareskill.history import History
+from p2l.metareskill.identity import modes_hash, preconditions_hash
 from p2l.metareskill.regression import ParameterisedSkill
 from p2l.metareskill.trainer import Trainer
 from p2l.preconditions.record import Preconditions
 from p2l.skills.relative import Timing
 
-SCHEMA, VERSION = "recoveries", 3
+SCHEMA, VERSION = "recoveries", 4
 Skills = Mapping[tuple[int, int], ParameterisedSkill]
 
 
@@ -51,21 +52,6 @@ class Recoveries:
     skills: Skills
     timing: Timing
     origin: str = ""
-
-
-def modes_hash(modes: ModeClassifier) -> str:
-    """Identifies failure modes by the parameters of their classifier."""
-    about = {name: getattr(modes, name) for name in ("world", "digest", "fields", "columns")}
-    names = ("centre", "spread", "weights", "means", "covariances", "sizes")
-    return config_hash(about | {name: getattr(modes, name).tolist() for name in names})
-
-
-def preconditions_hash(preconditions: Preconditions) -> str:
-    """Identifies preconditions by the parameters of their classifiers."""
-    parts = [*(skill.arrays() for skill in preconditions.skills), preconditions.goal.arrays("goal.")]
-    numbers = [{key: value.tolist() for key, value in part.items()} for part in parts]
-    about = [preconditions.digest, preconditions.names, preconditions.threshold, preconditions.nominal.tolist()]
-    return config_hash([*about, *numbers])
 
 
 def recoveries_hash(recoveries: Recoveries) -> str:

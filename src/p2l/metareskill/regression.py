@@ -5,10 +5,10 @@ and standardised features, as in the author's experiments. The record holds the 
 regressor is built from them when it is first needed, so that arrays are all there is to store.
 
 Deviation from the thesis, which predicts the three poses themselves, relative to the hand: unless told otherwise a
-skill predicts what is to be added to the straight motion to the mean of the target's D⁺ (`residual`). Nearest
+skill predicts what is to be added to a guessed motion to the mean of the target's D⁺ (`guess`). Nearest
 neighbours cannot extrapolate, and where the hand must go, relative to the hand, differs from failure to failure by as
 much as the failures do; the detour hardly differs. On held-out failures of the door, from the same solved queries,
-recoveries to the grasped handle then succeed in 97, 70, 80 and 47 % instead of 38, 20, 20 and 7 %.
+recoveries to the grasped handle then succeed in 97, 70, 80 and 47 % instead of 38, 20, 20 and 7 % (straight motion).
 
 Axis letters: S solved failures, F features, P parameters of a recovery, N failures to recover from.
 """
@@ -40,7 +40,7 @@ class ParameterisedSkill:
         parameters: [S, P] the recovery that REPS found for each.
         mean, scale: [F] standardisation of the features.
         neighbours: largest number of neighbours.
-        residual: whether parameters are what is added to the straight motion to the target, see `Task.recovery`.
+        guess: the motion of `target.GUESSES` that parameters are added to; empty: they are the motion themselves.
     """
 
     states: Array
@@ -48,7 +48,7 @@ class ParameterisedSkill:
     mean: Array
     scale: Array
     neighbours: int = NEIGHBOURS
-    residual: bool = False
+    guess: str = ""
 
     def __post_init__(self) -> None:
         sizes: dict[str, int] = {}
@@ -86,15 +86,15 @@ class ParameterisedSkill:
 
     def arrays(self) -> dict[str, npt.NDArray[Any]]:
         """The record as named arrays, for `artifacts.save_arrays`."""
-        names = ("states", "parameters", "mean", "scale", "neighbours", "residual")
+        names = ("states", "parameters", "mean", "scale", "neighbours", "guess")
         return {name: np.asarray(getattr(self, name)) for name in names}
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, npt.NDArray[Any]]) -> ParameterisedSkill:
         """Rebuild the record; the constructor checks it."""
         states, parameters = arrays["states"], arrays["parameters"]
-        numbers = int(arrays["neighbours"]), bool(arrays["residual"])
-        return cls(states, parameters, arrays["mean"], arrays["scale"], *numbers)
+        how = int(arrays["neighbours"]), str(arrays["guess"])
+        return cls(states, parameters, arrays["mean"], arrays["scale"], *how)
 
 
 def fit_skill(
@@ -103,7 +103,7 @@ def fit_skill(
     *,
     reference: Array | None = None,
     neighbours: int = NEIGHBOURS,
-    residual: bool = False,
+    guess: str = "",
 ) -> ParameterisedSkill:
     """A skill from solved failures.
 
@@ -113,10 +113,10 @@ def fit_skill(
         reference: [any, F] states that fix the standardisation, such as all training failures of the mode; the solved
             ones if not given. With one to six solved failures their own spread says little.
         neighbours: largest number of neighbours.
-        residual: whether parameters are residuals.
+        guess: the motion that parameters are added to, see `ParameterisedSkill`.
     """
     spread = np.asarray(states if reference is None else reference, dtype=np.float64)
     if not len(spread):
         raise ShapeError(_NONE_SOLVED)
     mean, scale = standardisation(spread)
-    return ParameterisedSkill(states, parameters, mean, scale, neighbours, residual)
+    return ParameterisedSkill(states, parameters, mean, scale, neighbours, guess)

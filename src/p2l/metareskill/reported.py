@@ -27,8 +27,9 @@ from p2l.ledger import Item, find, write
 from p2l.metareskill.chooser_run import record_history
 from p2l.metareskill.graph import SkillGraph
 from p2l.metareskill.history import History
+from p2l.metareskill.members import Members
 from p2l.metareskill.setting import Setting, members
-from p2l.metareskill.trainer import Members, Trainer
+from p2l.metareskill.trainer import Trainer
 from p2l.metareskill.value_iteration import value_of_failures
 from p2l.records import Array
 from p2l.seeding import generator
@@ -110,14 +111,18 @@ def reported_values(
     """
     judge = replace(trainer, held_out=split)
     counts = np.zeros_like(history.counts)
-    q, values = graph.q.copy(), []
+    q, values = np.zeros_like(graph.q), []
     rates: dict[tuple[int, int, int], float] = {}
+    for mode, target in np.argwhere(graph.q > 0.0).tolist():
+        guess = trainer.skill(mode, target, 0)
+        assert guess is not None  # it works sometimes
+        rates[mode, target, 0] = q[mode, target] = judge.measure(guess, mode, target)[0]
     for each in history.rounds:
         pair = each.mode, each.target
         counts[pair] += 1
         kept = trainer.kept(*pair, int(counts[pair]) * episodes)
         if kept is not None and (*pair, kept) not in rates:
-            skill = trainer.skill(*pair, kept + 1)
+            skill = trainer.skill(*pair, kept)
             assert skill is not None  # one of its queries was solved
             rates[*pair, kept] = judge.measure(skill, *pair)[0]
         if kept is not None:

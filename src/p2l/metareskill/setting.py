@@ -16,11 +16,13 @@ from p2l.failures.classifier import ModeClassifier
 from p2l.failures.lost import lost
 from p2l.failures.record import Failures
 from p2l.metareskill.graph import SkillGraph
+from p2l.metareskill.identity import modes_hash, preconditions_hash
 from p2l.metareskill.ledger import Ledger
+from p2l.metareskill.members import Members
 from p2l.metareskill.query import QueryOptions
-from p2l.metareskill.record import modes_hash, preconditions_hash
+from p2l.metareskill.start import Start
 from p2l.metareskill.target import RecoveryTask
-from p2l.metareskill.trainer import Members, Trainer
+from p2l.metareskill.trainer import Trainer
 
 
 @dataclass(frozen=True)
@@ -43,8 +45,10 @@ def members(task: RecoveryTask, failures: Failures, modes: ModeClassifier) -> tu
     return Members(selection.rows, modes.classify(selection.truth)[0]), len(failures) - len(index)
 
 
-def start_graph(task: RecoveryTask, failures: Members, modes: ModeClassifier, rewards: Rewards) -> SkillGraph:
-    """The graph before any training: nominal skills as measured, modes with their sizes, no recovery succeeds.
+def start_graph(
+    task: RecoveryTask, failures: Members, modes: ModeClassifier, rewards: Rewards, start: Start | None = None
+) -> SkillGraph:
+    """The graph before any training: nominal skills and recoveries as measured, modes with their sizes.
 
     Raises:
         ArtifactError: a mode has no failure to train from.
@@ -52,7 +56,7 @@ def start_graph(task: RecoveryTask, failures: Members, modes: ModeClassifier, re
     sizes = np.bincount(failures.mode, minlength=len(modes)).astype(np.float64)
     if empty := np.flatnonzero(sizes == 0).tolist():
         raise ArtifactError(f"failure modes {empty} have no failure to train from; cluster into fewer modes")
-    q = np.zeros((len(modes), len(task.targets)))
+    q = np.zeros((len(modes), len(task.targets))) if start is None else start.q
     return SkillGraph(task.preconditions.nominal, sizes, q, **asdict(rewards))
 
 
@@ -68,7 +72,7 @@ class Setting:
         graph: before any training.
         options: of queries.
         trials: largest number of held-out failures behind a success rate.
-        residual: whether skills add to the straight motion, see `regression`.
+        start: of the recoveries before any training.
 
     Raises:
         ArtifactError: a mode has no held-out failure to measure its recoveries on.
@@ -81,7 +85,7 @@ class Setting:
     graph: SkillGraph
     options: QueryOptions
     trials: int
-    residual: bool = True
+    start: Start
 
     def __post_init__(self) -> None:
         sizes = np.bincount(self.held_out.mode, minlength=len(self.graph.sizes))
@@ -104,10 +108,10 @@ class Setting:
             preconditions_hash(self.task.preconditions),
             modes_hash(self.modes),
             asdict(self.options),
-            self.residual,
+            self.start.guess,
         ]
         identity = config_hash(
             [*settings, *([code] if code else []), self.trials, seed, *(part.tolist() for part in parts)]
         )
         ledger = Ledger(identity) if path is None else Ledger.open(path, identity)
-        return Trainer(self.task, self.failures, self.held_out, self.options, seed, ledger, self.trials, self.residual)
+        return Trainer(self.task, self.failures, self.held_out, self.options, seed, ledger, self.start, self.trials)

@@ -3,7 +3,14 @@
 R(s) = 0.1 log f_D⁺(s) + 10 ρ(s) (thesis, section 4.4); for the goal f is the density of the states in which nominal
 executions end, and ρ is 1 where the task is done.
 
-Axis letters: N rows, M targets.
+How to get there is guessed before anything is learnt (`GUESSES`). The thesis knows the straight motion; a hand that is
+to hold something has to take hold of it first:
+- `straight`: to the hand's pose in the goal state, the fingers as there.
+- `take`: from behind, along the hand's own axis and with open fingers, to the pose in which it holds the things where
+  they are now; there the fingers close.
+- `carry`: to the pose in which it holds the things where they are now, closes, and moves with them to the goal state.
+
+Axis letters: N rows, M targets, P parameters.
 """
 
 from __future__ import annotations
@@ -12,6 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from p2l import poses
 from p2l.contracts.observation import Observation, Privileged
 from p2l.contracts.rows import Rows
 from p2l.contracts.symbols import Symbols
@@ -19,9 +27,11 @@ from p2l.contracts.world import World
 from p2l.metareskill.regression import ParameterisedSkill
 from p2l.preconditions.record import Preconditions
 from p2l.records import Array, BoolArray
-from p2l.skills.relative import straight
+from p2l.skills.relative import parameters_of, straight
 
 DENSITY, PROBABILITY = 0.1, 10.0
+GUESSES = ("straight", "take", "carry")
+BEHIND_M = 0.08  # from where the hand comes to take hold of something
 
 
 @dataclass(frozen=True)
@@ -68,12 +78,40 @@ class RecoveryTask:
         """
         return straight(observation, *self.symbols.hand(source, goals), self.symbols.fingers_closed(goals))
 
+    def guess(self, name: str, source: Privileged | Observation, observation: Observation, goals: Array) -> Array:
+        """[N, P] parameters of the motion of that name; `straight` where the fingers are open in the goal state.
+
+        Args:
+            name: one of `GUESSES`.
+            source: where the objects are, by the truth or by the robot's estimate.
+            observation: where the hand is.
+            goals: [N, D] a goal state for each row.
+        """
+        motion = self.towards(source, observation, goals)
+        if name == "straight":
+            return motion
+        now = np.array(goals)
+        things = list(getattr(self.symbols, "things", ()))
+        now[:, things] = self.symbols.state(source)[:, things]
+        at, there = self.symbols.hand(source, now), self.symbols.hand(source, goals)
+        behind = at[0] - BEHIND_M * poses.rotate(poses.rotation(at[1]), [0.0, 0.0, 1.0])
+        way = [(behind, at[1]), at, at] if name == "take" else [at, at, there]
+        fingers = [-1.0, -1.0, 1.0] if name == "take" else [-1.0, 1.0, 1.0]
+        holding = self.symbols.fingers_closed(goals)
+        return np.where(holding[:, None], parameters_of(observation, way, fingers), motion)
+
+    def guessed(self, name: str, observation: Observation, target: int) -> Array:
+        """[N, P] the guess to the mean of the target's D⁺, by the robot's estimate."""
+        return self.guess(name, observation, observation, self._means(len(observation), target))
+
     def straight(self, observation: Observation, target: int) -> Array:
         """[N, P] the straight motion of each row to the mean of the target's D⁺, by the robot's estimate."""
-        mean = self.preconditions.density(target).means[0]
-        return self.towards(observation, observation, np.tile(mean, (len(observation), 1)))
+        return self.towards(observation, observation, self._means(len(observation), target))
 
     def recovery(self, skill: ParameterisedSkill, target: int, observation: Observation) -> Array:
         """[N, P] the motion of a recovery skill from each row."""
         parameters = skill.predict(self.symbols.state(observation)[:, list(self.symbols.context)])
-        return parameters + self.straight(observation, target) if skill.residual else parameters
+        return parameters + self.guessed(skill.guess, observation, target) if skill.guess else parameters
+
+    def _means(self, count: int, target: int) -> Array:
+        return np.tile(self.preconditions.density(target).means[0], (count, 1))

@@ -19,29 +19,15 @@ from p2l.contracts.rows import Rows
 from p2l.errors import ArtifactError
 from p2l.metareskill.history import Trained
 from p2l.metareskill.ledger import Entry, Ledger
+from p2l.metareskill.members import Members
 from p2l.metareskill.query import QueryOptions, query
 from p2l.metareskill.regression import ParameterisedSkill, fit_skill
+from p2l.metareskill.start import Start
 from p2l.metareskill.target import RecoveryTask
 from p2l.records import Array, IntArray
 from p2l.seeding import generator
 from p2l.skills.execute import execute, without_noise
-
-
-@dataclass(frozen=True)
-class Members:
-    """Failures with their modes.
-
-    Attributes:
-        rows: [N].
-        mode: [N].
-    """
-
-    rows: Rows
-    mode: IntArray
-
-    def of(self, mode: int) -> IntArray:
-        """Indices of one mode's failures."""
-        return np.flatnonzero(self.mode == mode)
+from p2l.skills.relative import SIZE
 
 
 @dataclass(frozen=True)
@@ -56,7 +42,7 @@ class Trainer:
         seed: of all training.
         ledger: all queries so far.
         trials: largest number of held-out failures that one measurement uses.
-        residual: whether skills add to the straight motion, see `regression`.
+        start: of the recoveries before any training; it names the guesses that skills add to.
     """
 
     task: RecoveryTask
@@ -65,8 +51,8 @@ class Trainer:
     options: QueryOptions
     seed: int
     ledger: Ledger
+    start: Start
     trials: int = 50
-    residual: bool = True
 
     def __call__(self, mode: int, target: int, before: int) -> Trained:
         """Train recovery (mode, target) for the time `before` + 1."""
@@ -80,10 +66,11 @@ class Trainer:
         start = time.perf_counter()
         index = self._failure(mode, target, before)
         rng = generator(self.seed, "recovery", mode, target, before)
-        [answer] = query(self.task, self.failures.rows.take([index]), [target], [rng], self.options)
+        rows, guess = self.failures.rows.take([index]), self.start.guess[mode][target]
+        [answer] = query(self.task, rows, [target], [rng], self.options, [guess])
         past = self.ledger.of(mode, target, before)
         solutions = [(entry.failure, entry.parameters) for entry in past if entry.solved]
-        q, trials = (past[-1].q, past[-1].trials) if past else (0.0, len(self.tests(mode)))
+        q, trials = (past[-1].q, past[-1].trials) if past else (self.start.q[mode, target], len(self.tests(mode)))
         if answer.solved:
             solutions.append((index, answer.parameters))
             q, trials = self.measure(self._fit(mode, target, solutions), mode, target)
@@ -100,16 +87,21 @@ class Trainer:
         )
 
     def kept(self, mode: int, target: int, trainings: int) -> int | None:
-        """Number of the training whose skill Algorithm 3 keeps of the first `trainings`; None: no query was solved."""
+        """After which of the first `trainings` the skill came about that Algorithm 3 keeps; 0: before any of them.
+
+        None: no query was solved, and the guess does not work either.
+        """
         past = self.ledger.of(mode, target, trainings)
-        numbers = [number for number, entry in enumerate(past) if entry.solved]
-        return max(numbers, key=lambda number: (past[number].q, number)) if numbers else None
+        rates = {number: entry.q for number, entry in enumerate(past, start=1) if entry.solved}
+        if (start := float(self.start.q[mode, target])) > 0.0:
+            rates[0] = start
+        return max(rates, key=lambda number: (rates[number], number)) if rates else None
 
     def skill(self, mode: int, target: int, trainings: int) -> ParameterisedSkill | None:
-        """The best skill of the first `trainings` of a recovery, as Algorithm 3 keeps it; None: no query was solved."""
+        """The best skill of the first `trainings` of a recovery, as Algorithm 3 keeps it; None: there is none."""
         if (best := self.kept(mode, target, trainings)) is None:
             return None
-        past = self.ledger.of(mode, target, best + 1)
+        past = self.ledger.of(mode, target, best)
         solutions = [(entry.failure, entry.parameters) for entry in past if entry.solved]
         return self._fit(mode, target, solutions)
 
@@ -140,12 +132,16 @@ class Trainer:
         return int(members[order[before % len(members)]])
 
     def _fit(self, mode: int, target: int, solutions: Sequence[tuple[int, Array]]) -> ParameterisedSkill:
+        """The skill of solved failures with their answers; without any, the guess as it is."""
+        guess = self.start.guess[mode][target]
+        reference = self._context(self.failures.rows.take(self.failures.of(mode)))
+        if not solutions:
+            return fit_skill(reference[:1], np.zeros((1, SIZE)), reference=reference, guess=guess)
         index, answers = zip(*solutions, strict=True)
         rows, parameters = without_noise(self.failures.rows.take(list(index))), np.stack(answers)
-        if self.residual:
-            parameters = parameters - self.task.straight(self.task.world.observe(rows), target)
-        reference = self._context(self.failures.rows.take(self.failures.of(mode)))
-        return fit_skill(self._context(rows), parameters, reference=reference, residual=self.residual)
+        if guess:
+            parameters = parameters - self.task.guessed(guess, self.task.world.observe(rows), target)
+        return fit_skill(self._context(rows), parameters, reference=reference, guess=guess)
 
     def _context(self, rows: Rows) -> Array:
         return self.task.state(rows)[:, list(self.task.symbols.context)]

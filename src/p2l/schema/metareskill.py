@@ -118,7 +118,7 @@ class LearnRecoveriesConfig(RecoveryFilesConfig):
     episodes: Count
     trials: Count
     reported: Annotated[int, Field(ge=0)]
-    regression: Literal["residual", "absolute"]
+    guesses: tuple[Literal["straight", "take", "carry"], ...]
     rewards: RewardsConfig
     query: QueryConfig
     timing: TimingConfig

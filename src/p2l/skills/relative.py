@@ -9,7 +9,7 @@ Axis letters: N rows, W = 3 waypoints, P = 21 parameters.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -52,6 +52,28 @@ def waypoints(observation: Observation, parameters: Array) -> Waypoints:
     pos = [observation["grip_pos_m"] + poses.rotate(hand, legs[:, leg, :3]) for leg in range(WAYPOINTS)]
     quat = [poses.quat(hand * Rotation.from_rotvec(legs[:, leg, 3:6])) for leg in range(WAYPOINTS)]
     return Waypoints(np.stack(pos, axis=1), np.stack(quat, axis=1), (legs[:, :, 6] > 0.0).astype(np.float64))
+
+
+def parameters_of(observation: Observation, way: Sequence[tuple[Array, Array]], fingers: Sequence[float]) -> Array:
+    """[N, P] parameters of the motion of each row along `way`, the inverse of `waypoints`.
+
+    Args:
+        observation: N rows.
+        way: W poses of the hand, each a position [N, 3] (world frame, m) and an orientation [N, 4].
+        fingers: W numbers whose sign closes (+) or opens (−) them on the way to each.
+    """
+    hand = poses.rotation(observation["grip_quat"]).inv()
+    legs = [
+        np.column_stack(
+            [
+                poses.rotate(hand, pos - observation["grip_pos_m"]),
+                (hand * poses.rotation(quat)).as_rotvec(),
+                np.full(len(pos), grip),
+            ]
+        )
+        for (pos, quat), grip in zip(way, fingers, strict=True)
+    ]
+    return np.concatenate(legs, axis=1)
 
 
 def straight(observation: Observation, pos: Array, quat: Array, fingers_closed: BoolArray) -> Array:

@@ -20,8 +20,9 @@ from p2l.failures.clustering import Clustering
 from p2l.failures.record import Failures
 from p2l.metareskill.graph import SkillGraph
 from p2l.metareskill.history import History
+from p2l.metareskill.members import Members
 from p2l.metareskill.setting import Setting
-from p2l.metareskill.trainer import Members
+from p2l.metareskill.start import Start, measure_start
 from p2l.records import IntArray
 
 
@@ -44,15 +45,27 @@ def extend(setting: Setting, train: Failures, held_out: Failures, more: Clusteri
     count = len(setting.modes)
     failures = _with(setting.failures, train.rows, more.mode + count)
     tests = _with(setting.held_out, held_out.rows, more.modes.classify(held_out.truth)[0] + count)
-    graph = extend_graph(setting.graph, np.bincount(more.mode, minlength=len(more.modes)))
     modes = join(setting.modes, more.modes)
-    return dataclasses.replace(setting, modes=modes, failures=failures, held_out=tests, graph=graph)
+    start = setting.start.beside(
+        measure_start(
+            setting.task,
+            failures,
+            tests,
+            range(count, len(modes)),
+            setting.options.timing,
+            setting.start.choice,
+            setting.trials,
+        )
+    )
+    graph = extend_graph(setting.graph, np.bincount(more.mode, minlength=len(more.modes)), start)
+    return dataclasses.replace(setting, modes=modes, failures=failures, held_out=tests, graph=graph, start=start)
 
 
-def extend_graph(graph: SkillGraph, sizes: npt.ArrayLike) -> SkillGraph:
-    """The graph before any training with more modes of `sizes`."""
+def extend_graph(graph: SkillGraph, sizes: npt.ArrayLike, start: Start | None = None) -> SkillGraph:
+    """The graph before any training with more modes of `sizes`; without a start no recovery succeeds."""
     all_of = np.append(graph.sizes, np.asarray(sizes, dtype=np.float64))
-    return dataclasses.replace(graph, sizes=all_of, q=np.zeros((len(all_of), graph.q.shape[1])))
+    q = np.zeros((len(all_of), graph.q.shape[1])) if start is None else start.q
+    return dataclasses.replace(graph, sizes=all_of, q=q)
 
 
 def extend_history(history: History, setting: Setting) -> History:

@@ -40,6 +40,7 @@ class DoorSymbols:
         "latch_rad",
     )
     context = (0, 1, 2, 3, 4, 5)
+    things = (7, 8)
     far = np.array([0.03, 0.03, 0.03, 0.2, 0.2, 0.2, 0.0, 0.0, 0.0])
 
     def __init__(self, finger_sign: float) -> None:

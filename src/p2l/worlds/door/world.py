@@ -67,6 +67,7 @@ class Door(RobotWorld):
         handle: one of `worlds.door.handles.HANDLES`, or a list of them of which each row draws one.
         estimator: how the estimate of the handle's position errs.
         sigma_m: its standard deviation in x, y and z, m.
+        sigma_least_m: below which it never falls, m, see `contracts.estimator.Estimator`.
         x_m, y_m, z_m: ranges of the door's position from the robot's base, m; y to the robot's right.
         yaw_rad: range of the door's yaw; at 0 the hand opens it straight to the robot's left.
         joint_noise_rad: standard deviation of each joint of the start posture.
@@ -91,6 +92,7 @@ class Door(RobotWorld):
         handle: str | int | Sequence[str | int] = "1",
         estimator: Mode = "fixed",
         sigma_m: float = 0.02,
+        sigma_least_m: float = 0.0,
         x_m: Sequence[float] = (0.35, 0.42),
         y_m: Sequence[float] = (0.25, 0.30),
         z_m: Sequence[float] = (0.20, 0.25),
@@ -114,7 +116,9 @@ class Door(RobotWorld):
             "joint_noise_rad": joint_noise_rad, "force_limit_n": force_limit_n, "timestep_s": timestep_s,
             "version": version,
         }  # fmt: skip
-        super().__init__("door", params, scenes, Estimator(estimator, (sigma_m,) * 3), nthread=nthread)
+        if sigma_least_m != 0.0:  # doors as they were before there was a least error have the digest that they had
+            params["sigma_least_m"] = sigma_least_m
+        super().__init__("door", params, scenes, Estimator(estimator, (sigma_m,) * 3, sigma_least_m), nthread=nthread)
         self.base_pos_m = np.array(scenes[0].model.body("robot0_base").pos)
         self._size = np.array([[one.length_m, one.depth_m, one.thickness_m] for one in self.handles])
         self._site = np.array([[one.site_m, 0.0, 0.0] for one in self.handles])

@@ -39,6 +39,7 @@ class NutSymbols:
         "nut_yaw_rad",
     )
     context = (0, 1, 2, 3, 4, 5, 7, 8, 9)
+    things = (7, 8, 9, 10, 11, 12)
     far = np.array([0.03, 0.03, 0.03, 0.2, 0.2, 0.2, 0.0, 0.02, 0.02, 0.03, 0.2, 0.2, 0.2])
 
     def __init__(self, finger_sign: float) -> None:

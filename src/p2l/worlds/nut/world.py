@@ -71,6 +71,7 @@ class Nut(RobotWorld):
         arm: robosuite's name of the arm.
         estimator: how the estimates of nut and peg err.
         sigma_m: standard deviation of the nut's x and y, and of the peg's, m.
+        sigma_least_m: below which none falls, m, see `contracts.estimator.Estimator`.
         nut_x_m, nut_y_m: ranges of the nut's place, world frame, m.
         nut_yaw_rad: range of the handle's direction from the one that points at the robot, rad.
         peg_x_m, peg_y_m: ranges of the peg's place, world frame, m.
@@ -95,6 +96,7 @@ class Nut(RobotWorld):
         arm: str = "Panda",
         estimator: Mode = "fixed",
         sigma_m: Sequence[float] = (0.008, 0.008),
+        sigma_least_m: float = 0.0,
         nut_x_m: Sequence[float] = (-0.15, -0.05),
         nut_y_m: Sequence[float] = (0.0, 0.2),
         nut_yaw_rad: Sequence[float] = (-0.5, 0.5),
@@ -121,7 +123,7 @@ class Nut(RobotWorld):
         parts = Parts(arena, [nut], BASE_POS_WORLD, furniture=(PEG,), pose_sensors={"nut": nut.root_body}, edit=_edit)
         scene = build(arm, parts, physics_of(version, IMPEDANCE | {"timestep_s": timestep_s}))
         errors = tuple(np.repeat(np.asarray(sigma_m, dtype=np.float64), 2).tolist())
-        super().__init__("nut", params, [scene], Estimator(estimator, errors), nthread=nthread)
+        super().__init__("nut", params, [scene], Estimator(estimator, errors, sigma_least_m), nthread=nthread)
         self._nut_at = self._columns[nut.joints[0]] - 1
         self.finger_sign, self.start_rad = self._start(arm, scene)
 
