@@ -8,6 +8,7 @@ from p2l.contracts.world import symbols_of
 from p2l.errors import ConfigError
 from p2l.metareskill import start as module
 from p2l.metareskill.members import Members
+from p2l.metareskill.query import QueryOptions
 from p2l.metareskill.start import Start, measure_start, recorded_start
 from p2l.metareskill.target import BEHIND_M, RecoveryTask
 from p2l.skills.execute import execute, without_noise
@@ -15,7 +16,7 @@ from p2l.skills.relative import waypoints
 from p2l.worlds.table import make_world
 from tests.metareskill import pushing_back as pb
 
-PUSH = 1
+OPTIONS = QueryOptions(timing=pb.TIMING, verify=False)
 HELD = np.array([[-0.045, 0.015, 0.0, 0.0, 0.0, 0.0, 0.02, 0.0, 0.0]])  # around the lever, door shut, lever at rest
 
 
@@ -72,7 +73,7 @@ def push():
 
 def test_a_start_is_what_a_fresh_run_of_its_guesses_gives(push):
     task, failures, held_out = push
-    start = measure_start(task, failures, held_out, range(2), pb.TIMING, ["straight"], 5)
+    start = measure_start(task, failures, held_out, range(2), OPTIONS, ["straight"], 5)
     rows = without_noise(held_out.rows)
     for target in range(3):
         arrivals = execute(task.world, rows, task.straight(task.world.observe(rows), target), pb.TIMING)
@@ -82,15 +83,15 @@ def test_a_start_is_what_a_fresh_run_of_its_guesses_gives(push):
 
 def test_the_guess_that_does_best_from_training_failures_is_taken_and_of_equals_the_first(push, monkeypatch):
     worth = {"straight": (0.1, 5.0), "take": (0.6, 1.0), "carry": (0.6, 1.0)}
-    monkeypatch.setattr(module, "_outcome", lambda _task, _rows, guess, _target, _timing: worth[guess])
-    start = measure_start(*push, range(2), pb.TIMING, ["straight", "take", "carry"], 5)
+    monkeypatch.setattr(module, "_outcome", lambda _task, _rows, guess, _target, _options: worth[guess])
+    start = measure_start(*push, range(2), OPTIONS, ["straight", "take", "carry"], 5)
     assert {guess for row in start.guess for guess in row} == {"take"}
     assert (start.q == 0.6).all()
 
 
 def test_a_start_is_measured_once_and_then_read(push, tmp_path, monkeypatch):
     task, failures, held_out = push
-    given = task, failures, held_out, pb.TIMING
+    given = task, failures, held_out, OPTIONS
     first = recorded_start(tmp_path, "push", *given, ["straight", "take"], 5)
     monkeypatch.setattr(module, "measure_start", None)
     again = recorded_start(tmp_path, "push", *given, ["straight", "take"], 5)
@@ -103,7 +104,7 @@ def test_a_start_is_measured_once_and_then_read(push, tmp_path, monkeypatch):
 
 def test_without_guesses_nothing_works_before_it_is_trained(push, tmp_path):
     task, failures, held_out = push
-    start = recorded_start(tmp_path, "push", task, failures, held_out, pb.TIMING, [], 5)
+    start = recorded_start(tmp_path, "push", task, failures, held_out, OPTIONS, [], 5)
     assert not start.q.any()
     assert {guess for row in start.guess for guess in row} == {""}
     assert not list(tmp_path.iterdir())

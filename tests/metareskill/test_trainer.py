@@ -13,12 +13,13 @@ from p2l.metareskill.query import QueryOptions, query
 from p2l.metareskill.regression import ParameterisedSkill
 from p2l.metareskill.start import Start
 from p2l.metareskill.trainer import Trainer
+from p2l.skills import chain
 from p2l.skills.execute import without_noise
 from p2l.skills.relative import SIZE
 from tests.metareskill import pushing_back as pb
 
 PUSH = 1
-OPTIONS = QueryOptions(updates=2, rollouts=8, solved=0.3, timing=pb.TIMING)
+OPTIONS = QueryOptions(updates=2, rollouts=8, solved=0.3, timing=pb.TIMING, verify=False)
 
 
 def entry(failure, parameters, q):
@@ -88,7 +89,7 @@ def test_the_first_mean_of_a_query_is_the_guess(task):
 
 def test_all_updates_are_made_as_the_authors_did_also_of_what_is_solved_or_hopeless(task):
     row, rng = pb.standing(task.world, 0.13, 0.08), lambda: [np.random.default_rng(3)]
-    easy = QueryOptions(updates=4, rollouts=8, solved=0.1, hopeless=1, timing=pb.TIMING)
+    easy = QueryOptions(updates=4, rollouts=8, solved=0.1, hopeless=1, timing=pb.TIMING, verify=False)
     [short] = query(task, row, [PUSH], rng(), easy)
     [whole] = query(task, row, [PUSH], rng(), replace(easy, all_updates=True))
     assert short.solved
@@ -102,6 +103,21 @@ def test_all_updates_are_made_as_the_authors_did_also_of_what_is_solved_or_hopel
     [lost] = query(task, far, [PUSH], rng(), impossible)
     assert len(lost.success) == 4
     assert not lost.solved
+
+
+def test_a_precondition_that_is_tried_holds_only_where_the_skills_reach_the_goal(task):
+    """Beside the block by 0 to 4 cm: push is believed to work within 16 mm, and is then really pushed."""
+    rows = pb.standing(task.world, -0.08, np.linspace(0.0, 0.04, 9))
+    believed_reward, believed = task.judge(rows, PUSH)
+    reward, holds = task.judge(rows, PUSH, verify=True)
+    pushed = chain.run(task.world, task.world.nominal_options()[PUSH:], rows, stop_on_failure=False).success
+    np.testing.assert_array_equal(holds, believed & pushed)
+    assert believed.any()
+    assert not believed.all()
+    np.testing.assert_array_equal(task.leads_to_goal(rows, PUSH), pushed)
+    probability = task.preconditions.probability(task.state(rows), task.world.goal(rows))[:, PUSH]
+    np.testing.assert_allclose(believed_reward - reward, np.where(holds, 0.0, 10.0 * probability), atol=1e-9)
+    assert not task.leads_to_goal(pb.standing(task.world, 0.13, 0.08), 2).any(), "the goal itself leads nowhere else"
 
 
 def test_a_mode_without_held_out_failures_cannot_be_measured(task):

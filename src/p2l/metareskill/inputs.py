@@ -87,6 +87,6 @@ def open_inputs(
             "left out, since a learnt precondition holds: %d and %d held-out failures", exclusions, test_exclusions
         )
     start_graph(task, failures, modes, rewards)  # refuses modes without failures before anything is run
-    start = recorded_start(records, item, task, failures, tests, options.timing, guesses, trials)
+    start = recorded_start(records, item, task, failures, tests, options, guesses, trials)
     graph = start_graph(task, failures, modes, rewards, start)
     return Inputs(Setting(task, modes, failures, tests, graph, options, trials, start), train, held_out)

@@ -24,10 +24,10 @@ from p2l.errors import ConfigError
 from p2l.ledger import Item, find, write
 from p2l.metareskill.identity import preconditions_hash
 from p2l.metareskill.members import Members
+from p2l.metareskill.query import QueryOptions
 from p2l.metareskill.target import GUESSES, RecoveryTask
 from p2l.records import Array, freeze
 from p2l.skills.execute import execute, without_noise
-from p2l.skills.relative import Timing
 
 CHOSEN_ON = 20  # training failures of a mode, at most, on which guesses are compared
 VERSION = 1  # raise it when an edit of the code changes what is measured: committed records know no code
@@ -81,7 +81,7 @@ def measure_start(
     failures: Members,
     held_out: Members,
     modes: Sequence[int],
-    timing: Timing,
+    options: QueryOptions,
     guesses: Sequence[str],
     trials: int,
 ) -> Start:
@@ -92,7 +92,7 @@ def measure_start(
         failures: to choose on, the first of each mode.
         held_out: to measure on, the first of each mode.
         modes: which ones.
-        timing: of the motions.
+        options: of queries; of them the timing counts, and whether a target is verified.
         guesses: names that may be chosen; of equals the first.
         trials: largest number of held-out failures of a mode.
     """
@@ -108,10 +108,10 @@ def measure_start(
         rows, tests = failures.rows.take(chosen_on), held_out.rows.take(measured_on)
         best: list[str] = []
         for target in targets:
-            scores = [_outcome(task, rows, guess, target, timing) for guess in guesses]
+            scores = [_outcome(task, rows, guess, target, options) for guess in guesses]
             best.append(guesses[max(range(len(guesses)), key=lambda number: scores[number])])
         names.append(tuple(best))
-        rates.append([_outcome(task, tests, best[target], target, timing)[0] for target in targets])
+        rates.append([_outcome(task, tests, best[target], target, options)[0] for target in targets])
         rollouts += len(targets) * (len(guesses) * len(rows) + len(tests))
     return Start(tuple(names), np.array(rates), tuple(guesses), rollouts)
 
@@ -122,7 +122,7 @@ def recorded_start(
     task: RecoveryTask,
     failures: Members,
     held_out: Members,
-    timing: Timing,
+    options: QueryOptions,
     guesses: Sequence[str],
     trials: int,
 ) -> Start:
@@ -132,21 +132,28 @@ def recorded_start(
     if not guesses:
         return Start.nothing(len(modes), len(task.targets))
     parts = [failures.rows.states, failures.mode, held_out.rows.states, held_out.mode]
-    decisive = [VERSION, preconditions_hash(task.preconditions), asdict(timing), list(guesses), trials]
+    decisive = [
+        VERSION,
+        preconditions_hash(task.preconditions),
+        asdict(options.timing),
+        options.verify,
+        list(guesses),
+        trials,
+    ]
     record = Item(item, "start", 0, 0, config_hash([*decisive, *(part.tolist() for part in parts)]))
     if (content := find(records, record)) is None:
         begin = time.perf_counter()
-        start = measure_start(task, failures, held_out, modes, timing, guesses, trials)
+        start = measure_start(task, failures, held_out, modes, options, guesses, trials)
         content = {"guess": [list(row) for row in start.guess], "q": start.q.tolist(), "rollouts": start.rollouts}
         write(records, record, content, seconds=time.perf_counter() - begin)
     names = tuple(tuple(row) for row in content["guess"])
     return Start(names, np.array(content["q"]), tuple(guesses), content["rollouts"])
 
 
-def _outcome(task: RecoveryTask, rows: Rows, guess: str, target: int, timing: Timing) -> tuple[float, float]:
+def _outcome(task: RecoveryTask, rows: Rows, guess: str, target: int, options: QueryOptions) -> tuple[float, float]:
     """Share of `rows` from which the guess reaches the target, and the mean reward where it ends."""
     known = without_noise(rows)
-    arrivals = execute(task.world, known, task.guessed(guess, task.world.observe(known), target), timing)
-    reward, holds = task.judge(arrivals.last, target)
+    arrivals = execute(task.world, known, task.guessed(guess, task.world.observe(known), target), options.timing)
+    reward, holds = task.judge(arrivals.last, target, verify=options.verify)
     sound = ~arrivals.diverged
     return float((holds & sound).mean()), float(reward[sound].mean()) if sound.any() else -np.inf

@@ -27,6 +27,8 @@ from p2l.contracts.world import World
 from p2l.metareskill.regression import ParameterisedSkill
 from p2l.preconditions.record import Preconditions
 from p2l.records import Array, BoolArray
+from p2l.skills import chain
+from p2l.skills.execute import without_noise
 from p2l.skills.relative import parameters_of, straight
 
 DENSITY, PROBABILITY = 0.1, 10.0
@@ -61,12 +63,31 @@ class RecoveryTask:
         """[N, M] which targets hold, on the truth."""
         return self.preconditions.holds(self.state(rows), self.world.goal(rows))
 
-    def judge(self, rows: Rows, target: int) -> tuple[Array, BoolArray]:
-        """[N] reward R of being there, and [N] whether the target holds."""
+    def judge(self, rows: Rows, target: int, *, verify: bool = False) -> tuple[Array, BoolArray]:
+        """[N] reward R of being there, and [N] whether the target holds.
+
+        Args:
+            rows: where motions led.
+            target: where to.
+            verify: a learnt precondition that holds is tried: it counts as 0 where the nominal skills from there on do
+                not reach the goal.
+        """
         states, done = self.state(rows), self.world.goal(rows)
         probability = self.preconditions.probability(states, done)[:, target]
+        holds = np.asarray(probability >= self.preconditions.threshold)
+        if verify and holds.any():
+            holds[holds] = self.leads_to_goal(rows.take(holds), target)
+            probability = np.where(holds, probability, 0.0)
         density = self.preconditions.density(target).log_density(states)
-        return DENSITY * density + PROBABILITY * probability, np.asarray(probability >= self.preconditions.threshold)
+        return DENSITY * density + PROBABILITY * probability, holds
+
+    def leads_to_goal(self, rows: Rows, target: int) -> BoolArray:
+        """[N] whether the nominal skills from the target's on reach the goal, the state being known."""
+        options = self.world.nominal_options()[target:]
+        if not options:
+            return self.world.goal(rows)
+        known = without_noise(rows)
+        return chain.run(self.world, options, known, stop_on_failure=False, slots=len(known)).success
 
     def towards(self, source: Privileged | Observation, observation: Observation, goals: Array) -> Array:
         """[N, P] parameters of the straight motion of each row to the hand's pose in its goal state.

@@ -122,8 +122,8 @@ class Trainer:
         arrivals = execute(
             self.task.world, rows, self.task.recovery(skill, target, self.task.world.observe(rows)), self.options.timing
         )
-        success = self.task.holds(arrivals.last)[:, target] & ~arrivals.diverged
-        return float(success.mean()), len(rows)
+        _, reached = self.task.judge(arrivals.last, target, verify=self.options.verify)
+        return float((reached & ~arrivals.diverged).mean()), len(rows)
 
     def _failure(self, mode: int, target: int, before: int) -> int:
         """Another failure each time, until all of the mode have been queried."""

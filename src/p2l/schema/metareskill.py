@@ -76,6 +76,7 @@ class QueryConfig(ConfigSection):
     floor: Probability
     shrinkage: Probability
     all_updates: bool
+    verify: bool
 
 
 class ChooserConfig(ChoiceConfig):

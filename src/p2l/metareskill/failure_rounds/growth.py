@@ -52,7 +52,7 @@ def extend(setting: Setting, train: Failures, held_out: Failures, more: Clusteri
             failures,
             tests,
             range(count, len(modes)),
-            setting.options.timing,
+            setting.options,
             setting.start.choice,
             setting.trials,
         )
