@@ -16,6 +16,7 @@ from p2l.skills.follow import Follow, Waypoints
 from p2l.worlds.nut.geometry import PEG_TOP_M, TABLE_M, UP, grasp_pose, yaw_off
 
 LEVEL = float(np.cos(0.15))  # the nut is tilted by less than 0.15 rad
+FACING = float(np.cos(0.5))  # the hand may be turned from the vertical by up to 0.5 rad
 
 
 @dataclass(frozen=True)
@@ -79,7 +80,8 @@ def options(finger_sign: float, motion: NutMotion = NutMotion()) -> tuple[Follow
 def can_grasp(truth: Privileged) -> BoolArray:
     """The nut lies flat on the table, the hand above it, facing down, fingers open."""
     above = truth["grip_pos_m"][:, 2] > TABLE_M + 0.08
-    return np.asarray(_lies(truth) & above & (truth["gap_m"][:, 0] > 0.07))
+    down = poses.rotate(poses.rotation(truth["grip_quat"]), [0.0, 0.0, 1.0])[:, 2] < -FACING
+    return np.asarray(_lies(truth) & above & down & (truth["gap_m"][:, 0] > 0.07))
 
 
 def can_carry(truth: Privileged) -> BoolArray:
