@@ -9,7 +9,7 @@ from pathlib import Path
 import pandas as pd
 
 from p2l.artifacts import save_table
-from p2l.evaluation.metareskill.evaluation import RecoveryEvaluation, evaluation_report, read_rounds
+from p2l.evaluation.metareskill.evaluation import RecoveryEvaluation, evaluation_report, read_curves
 from p2l.failures.classifier import load_modes
 from p2l.metareskill.episodes import EpisodeLedger, gather
 from p2l.metareskill.places import Tour, places
@@ -31,7 +31,7 @@ def run(cfg: EvaluateRecoveriesConfig, out: Path, track: Tracker) -> None:
     preconditions, modes = load_preconditions(cfg.preconditions, world), load_modes(cfg.modes, world)
     files = {seed: cfg.learnt / "recoveries" / f"s{seed}.npz" for seed in cfg.seeds}
     learnt = {seed: load_recoveries(file, world, preconditions, modes) for seed, file in files.items()}
-    rounds = read_rounds(cfg.learnt / "rounds.csv", cfg.seeds)
+    curves = read_curves(cfg.learnt, cfg.seeds)
     code = code_of("evaluate_recoveries", cfg, cfg.records)
     book = EpisodeLedger(cfg.records or out / "records", code, cfg.seed, cfg.max_options)
     tour = Tour(**fields_of(cfg, Tour) | {"world": cfg.world.key, "params": cfg.world.params})
@@ -46,7 +46,7 @@ def run(cfg: EvaluateRecoveriesConfig, out: Path, track: Tracker) -> None:
                     tables.append(gather(book, mine, seed, modes, learnt[seed], partial(_tell, tracker), show))
     episodes = pd.concat(tables, ignore_index=True)
     save_table(out / "episodes.parquet", episodes, schema="recovery_episodes", version=1)
-    evaluation = RecoveryEvaluation(cfg.item, episodes, tour.unseen, learnt, rounds)
+    evaluation = RecoveryEvaluation(cfg.item, episodes, tour.unseen, learnt, *curves)
     tell(track, evaluation_report(out, evaluation, cfg.thesis, cfg.seed))
 
 

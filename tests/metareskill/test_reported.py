@@ -43,7 +43,7 @@ def trained():
 
 def test_on_the_choosers_own_split_the_values_are_those_that_it_saw(trained):
     _, trainer, graph, history = trained
-    assert reported_values(trainer, graph, history, trainer.held_out) == history.values.tolist()
+    assert reported_values(trainer, graph, history, trainer.held_out) == [-10.0, *history.values.tolist()]
 
 
 def test_on_another_split_the_kept_skills_are_measured_again(trained):
@@ -59,7 +59,8 @@ def test_on_another_split_the_kept_skills_are_measured_again(trained):
             q[0, target] = replace(trainer, held_out=beyond).measure(skill, 0, target)[0]
     assert values[-1] == float(value_of_failures(graph, q))
     assert values[-1] < history.values[-1]
-    assert len(values) == len(history)
+    assert len(values) == len(history) + 1
+    assert values[0] == -10.0, "nothing works before it is trained"
 
 
 def test_values_are_measured_once_and_another_split_is_another_record(trained, tmp_path, monkeypatch):
@@ -81,7 +82,7 @@ def test_values_are_measured_once_and_another_split_is_another_record(trained, t
     with monkeypatch.context() as still:
         still.setattr(Trainer, "measure", lambda *_: 1 / 0)
         assert kept(split).tolist() == first.tolist()
-        assert kept(None).tolist() == history.values.tolist()
+        assert kept(None).tolist() == [-10.0, *history.values.tolist()]
     other = replace(split, executions=8)
     vars(other)["failures"] = split.failures
     assert len(kept(other)) == len(first)

@@ -93,6 +93,7 @@ def prepare(folder, **world):
 
 
 def learn(folder, out, **changes):
-    """Run `learn_recoveries` on what is in `folder`: 6 recoveries, so 12 initial rounds."""
-    settings = {"rounds": 16, "videos": False, "query": {"updates": 2, "rollouts": 10, "solved": 0.5}}
+    """Run `learn_recoveries` on what is in `folder`: 6 recoveries, so 12 initial rounds; nothing works before."""
+    settings = {"rounds": 16, "videos": False, "guesses": [], "reported": 0}
+    settings["query"] = {"updates": 2, "rollouts": 10, "solved": 0.5, "verify": False}
     run("learn_recoveries", out, **{**found(folder), **settings, **changes})

@@ -12,7 +12,7 @@ from p2l.contracts.world import symbols_of
 from p2l.failures.classifier import load_modes
 from p2l.failures.record import Failures, check_pair, check_params, load_failures, open_world
 from p2l.metareskill.query import QueryOptions
-from p2l.metareskill.setting import Rewards, Setting, members, start_graph
+from p2l.metareskill.setting import Rewards, Setting, check_measurable, members, start_graph
 from p2l.metareskill.start import recorded_start
 from p2l.metareskill.target import RecoveryTask
 from p2l.preconditions.record import load_preconditions
@@ -87,6 +87,7 @@ def open_inputs(
             "left out, since a learnt precondition holds: %d and %d held-out failures", exclusions, test_exclusions
         )
     start_graph(task, failures, modes, rewards)  # refuses modes without failures before anything is run
+    check_measurable(tests, len(modes))
     start = recorded_start(records, item, task, failures, tests, options, guesses, trials)
     graph = start_graph(task, failures, modes, rewards, start)
     return Inputs(Setting(task, modes, failures, tests, graph, options, trials, start), train, held_out)

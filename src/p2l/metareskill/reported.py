@@ -34,7 +34,7 @@ from p2l.metareskill.value_iteration import value_of_failures
 from p2l.records import Array
 from p2l.seeding import generator
 
-SPLIT, VERSION = "reported", 1  # raise it when an edit of the code measures otherwise: committed records know no code
+SPLIT, VERSION = "reported", 2  # raise it when an edit of the code measures otherwise: committed records know no code
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ def reported_split(
 def reported_values(
     trainer: Trainer, graph: SkillGraph, history: History, split: Members, episodes: int = 1
 ) -> list[float]:
-    """[T] value of failures after each round, with the success rates of the kept skills on `split`.
+    """[T + 1] value of failures before any round and after each, with the success rates of the kept skills on `split`.
 
     Args:
         trainer: of one seed; its ledger holds every round.
@@ -111,12 +111,13 @@ def reported_values(
     """
     judge = replace(trainer, held_out=split)
     counts = np.zeros_like(history.counts)
-    q, values = np.zeros_like(graph.q), []
+    q: Array = np.zeros_like(graph.q)
     rates: dict[tuple[int, int, int], float] = {}
     for mode, target in np.argwhere(graph.q > 0.0).tolist():
         guess = trainer.skill(mode, target, 0)
         assert guess is not None  # it works sometimes
         rates[mode, target, 0] = q[mode, target] = judge.measure(guess, mode, target)[0]
+    values = [float(value_of_failures(graph, q))]
     for each in history.rounds:
         pair = each.mode, each.target
         counts[pair] += 1
@@ -141,7 +142,7 @@ def keep_history(
     split: ReportedSplit | None,
     settings: Mapping[str, Any],
 ) -> Array:
-    """Leave a chooser's rounds among the records; [T] the values to report, from their record or measured.
+    """Leave a chooser's rounds among the records; [T + 1] the values to report, from their record or measured.
 
     Without a split these are the values of the history.
 
@@ -157,7 +158,7 @@ def keep_history(
     """
     record_history(records, item, trainer, chooser, history, settings)
     if split is None:
-        return history.values
+        return np.append(value_of_failures(graph), history.values)
     identity = config_hash([trainer.ledger.identity, dict(settings), split.identity])
     record = Item(item, f"{chooser}_{SPLIT}", trainer.seed, 0, identity)
     if (content := find(records, record)) is None:

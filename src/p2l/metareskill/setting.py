@@ -60,6 +60,20 @@ def start_graph(
     return SkillGraph(task.preconditions.nominal, sizes, q, **asdict(rewards))
 
 
+def check_measurable(held_out: Members, modes: int) -> None:
+    """Refuse modes whose recoveries could not be measured.
+
+    Raises:
+        ArtifactError: a mode has no held-out failure.
+    """
+    sizes = np.bincount(held_out.mode, minlength=modes)
+    if empty := np.flatnonzero(sizes == 0).tolist():
+        raise ArtifactError(
+            f"failure modes {empty} have no held-out failure, so their recoveries cannot be measured; "
+            "discover with more held-out executions (`executions.held_out`), or cluster into fewer modes"
+        )
+
+
 @dataclass(frozen=True)
 class Setting:
     """What all seeds and choosers share.
@@ -88,12 +102,7 @@ class Setting:
     start: Start
 
     def __post_init__(self) -> None:
-        sizes = np.bincount(self.held_out.mode, minlength=len(self.graph.sizes))
-        if empty := np.flatnonzero(sizes == 0).tolist():
-            raise ArtifactError(
-                f"failure modes {empty} have no held-out failure, so their recoveries cannot be measured; "
-                "discover with more held-out executions (`executions.held_out`), or cluster into fewer modes"
-            )
+        check_measurable(self.held_out, len(self.graph.sizes))
 
     def trainer(self, seed: int, path: Path | None = None, code: str = "") -> Trainer:
         """The trainer of one seed; its ledger, kept at `path`, goes on where the same training left off.

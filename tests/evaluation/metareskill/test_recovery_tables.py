@@ -6,7 +6,7 @@ import pytest
 
 from p2l.errors import ArtifactError
 from p2l.evaluation.metareskill.curves import draw_4_6, draw_4_7, figure_4_6, figure_4_7
-from p2l.evaluation.metareskill.evaluation import read_rounds
+from p2l.evaluation.metareskill.evaluation import read_curves
 from p2l.evaluation.metareskill.tables import paired_gain, table_4_1, table_4_2
 from p2l.evaluation.metareskill.within import SKILLS, WAY, draw_within, success_within
 from p2l.evaluation.rows import COLUMNS
@@ -144,22 +144,23 @@ def test_figures_are_drawn_from_their_tables_alone(values, thesis, tmp_path):
     assert axes.get_xlabel() == "REPS queries"
 
 
-def test_rounds_without_a_column_or_a_seed_are_refused(tmp_path):
-    path = tmp_path / "rounds.csv"
+def test_curves_without_a_column_or_a_seed_are_refused(tmp_path):
     with pytest.raises(ArtifactError, match=r"stages\.learn_recoveries"):
-        read_rounds(path, [0])
-    names = ["seed", "chooser", "round", "mode", "target", "target_name", "q_after", "value_reported"]
-    table = pd.DataFrame([[0, "ucb1", 1, 0, 0, "a", 0.5, -3.0]], columns=names)
-    table.drop(columns="value_reported").to_csv(path, index=False)
+        read_curves(tmp_path, [0])
+    path = tmp_path / "figure_4_7.csv"
+    values = pd.DataFrame([[0, "ucb1", 0, -9.0]], columns=["seed", "chooser", "queries", "value"])
+    names = ["seed", "chooser", "mode", "target", "trained", "q"]
+    pd.DataFrame([[0, "ucb1", 0, "a", 0, 0.5]], columns=names).to_csv(tmp_path / "figure_4_6.csv", index=False)
+    values.drop(columns="value").to_csv(path, index=False)
     with pytest.raises(ArtifactError, match=r"no manifest\.json"):
-        read_rounds(path, [0])
+        read_curves(tmp_path, [0])
     write_manifest(tmp_path)
-    with pytest.raises(ArtifactError, match="lacks columns value_reported"):
-        read_rounds(path, [0])
-    table.to_csv(path, index=False)
+    with pytest.raises(ArtifactError, match="lacks columns value"):
+        read_curves(tmp_path, [0])
+    values.to_csv(path, index=False)
     with pytest.raises(ArtifactError, match="not as its stage wrote it"):
-        read_rounds(path, [0])
+        read_curves(tmp_path, [0])
     write_manifest(tmp_path)
-    assert len(read_rounds(path, [0])) == 1
-    with pytest.raises(ArtifactError, match=r"no round of seeds \[1\]"):
-        read_rounds(path, [0, 1])
+    assert [len(table) for table in read_curves(tmp_path, [0])] == [1, 1]
+    with pytest.raises(ArtifactError, match=r"nothing of seeds \[1\]"):
+        read_curves(tmp_path, [0, 1])

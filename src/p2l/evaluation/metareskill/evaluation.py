@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 
 from p2l.artifacts import finite, save_json
@@ -19,42 +18,48 @@ from p2l.evaluation.sheets import StageReport, load_sheet, save_sheets
 from p2l.evaluation.thesis import Thesis, load_thesis
 from p2l.metareskill.record import Recoveries
 from p2l.metareskill.strategy_names import RECOVERIES
-from p2l.metareskill.value_iteration import value_of_failures
 from p2l.seeding import generator
 
 CHAPTER = 4
-_ROUNDS = ("seed", "chooser", "round", "mode", "target_name", "q_after", "value_reported")
+_VALUES = ("seed", "chooser", "queries", "value")
+_ALLOCATION = ("seed", "chooser", "mode", "target", "trained", "q")
 
 
 @dataclass(frozen=True)
 class RecoveryEvaluation:
-    """The episodes of an evaluation, and the recoveries and rounds of training behind them.
+    """The episodes of an evaluation, and the recoveries and the training behind them.
 
     Attributes:
         item: for titles.
         episodes: of `p2l.metareskill.episodes`.
         unseen: settings of table 4.2 behind the row `handle=unseen`, doors that recoveries were not trained on.
         recoveries: by seed.
-        rounds: `rounds.csv` of `learn_recoveries`.
+        values: value of failures after each query, see `evaluation.metareskill.rounds.value_table`.
+        allocation: how often each recovery was trained, see `rounds.allocation_table`.
     """
 
     item: str
     episodes: pd.DataFrame
     unseen: Sequence[str]
     recoveries: Mapping[int, Recoveries]
-    rounds: pd.DataFrame
+    values: pd.DataFrame
+    allocation: pd.DataFrame
 
 
-def read_rounds(path: Path, seeds: Sequence[int]) -> pd.DataFrame:
-    """The rows of `rounds.csv` of some seeds.
+def read_curves(folder: Path, seeds: Sequence[int]) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """`figure_4_7.csv` and `figure_4_6.csv` of `learn_recoveries`, the rows of some seeds.
 
     Raises:
-        ArtifactError: the file, a column or one of the seeds is missing.
+        ArtifactError: a file, a column or one of the seeds is missing.
     """
-    table = load_sheet(path, _ROUNDS, "run `python -m stages.learn_recoveries`")
-    if absent := sorted(set(seeds) - set(table["seed"])):
-        raise ArtifactError(f"{path}: holds no round of seeds {absent}; learn recoveries with them")
-    return table[table["seed"].isin(seeds)]
+    tables = []
+    for name, columns in (("figure_4_7", _VALUES), ("figure_4_6", _ALLOCATION)):
+        path = folder / f"{name}.csv"
+        table = load_sheet(path, columns, "run `python -m stages.learn_recoveries`")
+        if absent := sorted(set(seeds) - set(table["seed"])):
+            raise ArtifactError(f"{path}: holds nothing of seeds {absent}; learn recoveries with them")
+        tables.append(table[table["seed"].isin(seeds)])
+    return tables[0], tables[1]
 
 
 def evaluation_report(out: Path, evaluation: RecoveryEvaluation, thesis: Path, seed: int) -> StageReport:
@@ -62,7 +67,7 @@ def evaluation_report(out: Path, evaluation: RecoveryEvaluation, thesis: Path, s
 
     Args:
         out: folder.
-        evaluation: episodes, recoveries and rounds to report.
+        evaluation: episodes, recoveries and curves to report.
         thesis: folder of the thesis's numbers.
         seed: of the bootstrap.
     """
@@ -83,29 +88,10 @@ def evaluation_report(out: Path, evaluation: RecoveryEvaluation, thesis: Path, s
     )
 
 
-def curve_tables(evaluation: RecoveryEvaluation) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Values `seed, chooser, queries, value`, and allocation `seed, chooser, mode, target, trained, q`."""
-    rounds, graph = evaluation.rounds, next(iter(evaluation.recoveries.values())).graph
-    before = float(value_of_failures(graph, np.zeros_like(graph.q)))
-    starts = rounds[["seed", "chooser"]].drop_duplicates().assign(queries=0, value=before)
-    after = rounds[["seed", "chooser", "round", "value_reported"]].rename(
-        columns={"round": "queries", "value_reported": "value"}
-    )
-    values = pd.concat([starts, after], ignore_index=True)
-    names = dict(zip(rounds["target"], rounds["target_name"], strict=True))
-    every = pd.MultiIndex.from_product([range(graph.q.shape[0]), range(graph.q.shape[1])], names=["mode", "target"])
-    parts = []
-    for (seed, chooser), own in rounds.groupby(["seed", "chooser"], sort=False):
-        counts = own.groupby(["mode", "target"])["q_after"].agg(trained="size", q="max").reindex(every, fill_value=0)
-        part = counts.reset_index().assign(seed=int(str(seed)), chooser=str(chooser))
-        parts.append(part.assign(target=[names.get(number, str(number)) for number in part["target"]]))
-    return values, pd.concat(parts, ignore_index=True)
-
-
 def _tables(evaluation: RecoveryEvaluation, thesis: Thesis, seed: int) -> dict[str, pd.DataFrame]:
     episodes = evaluation.episodes
     plain = episodes["setting"] == ""
-    values, allocation = curve_tables(evaluation)
+    values, allocation = evaluation.values, evaluation.allocation
     choosers = list(dict.fromkeys(values["chooser"]))
     rng = {name: generator(seed, "bootstrap", name) for name in (TABLE_4_1, TABLE_4_2)}
     return {

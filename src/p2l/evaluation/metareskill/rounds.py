@@ -10,14 +10,12 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pandas as pd
 
-from p2l.metareskill.graph import SkillGraph
 from p2l.metareskill.history import History, table
 from p2l.metareskill.ledger import Ledger
-from p2l.metareskill.value_iteration import value_of_failures
 from p2l.records import Array
 
 Histories = Mapping[tuple[int, str], History]
-Values = Mapping[tuple[int, str], Array]  # [T] to be reported, by (seed, chooser)
+Values = Mapping[tuple[int, str], Array]  # [T + 1] to be reported, before any training first, by (seed, chooser)
 
 
 def rounds_table(histories: Histories, reported: Values, targets: Sequence[str]) -> pd.DataFrame:
@@ -28,7 +26,7 @@ def rounds_table(histories: Histories, reported: Values, targets: Sequence[str])
     rows = [
         {"seed": seed, "chooser": chooser, **row, "value_reported": float(value)}
         for (seed, chooser), history in histories.items()
-        for row, value in zip(table(history, targets), reported[seed, chooser], strict=True)
+        for row, value in zip(table(history, targets), reported[seed, chooser][1:], strict=True)
     ]
     return pd.DataFrame(rows)
 
@@ -59,12 +57,11 @@ def queries_table(ledgers: Mapping[int, Ledger], targets: Sequence[str]) -> pd.D
     return pd.DataFrame(rows)
 
 
-def value_table(reported: Values, graph: SkillGraph) -> pd.DataFrame:
+def value_table(reported: Values) -> pd.DataFrame:
     """Figure 4.7: `seed, chooser, queries, value`; 0 queries are the graph before any training."""
     rows = []
     for (seed, chooser), after in reported.items():
-        values = [float(value_of_failures(graph)), *after.tolist()]
-        rows += [(seed, chooser, queries, value) for queries, value in enumerate(values)]
+        rows += [(seed, chooser, queries, value) for queries, value in enumerate(after.tolist())]
     return pd.DataFrame(rows, columns=["seed", "chooser", "queries", "value"])
 
 

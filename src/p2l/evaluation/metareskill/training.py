@@ -47,7 +47,7 @@ def learning_report(
         choosers: the first one's skills are kept.
     """
     targets, first = setting.task.targets, choosers[0]
-    values = value_table(reported, setting.graph)
+    values = value_table(reported)
     allocation = allocation_table(histories, targets)
     comparison = comparison_table(values, first)
     tables = {
