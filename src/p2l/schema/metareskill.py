@@ -51,6 +51,8 @@ class FitPreconditionsConfig(WorldStageConfig, ArchivedStageConfig):
     components: Count
     regularisation: Positive
     held_out: Share
+    error: Annotated[float, Field(ge=0)]
+    draws: Count
     vicinity: VicinityConfig
     timing: TimingConfig
     counts: tuple[Count, ...]
