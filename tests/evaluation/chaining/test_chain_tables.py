@@ -143,3 +143,11 @@ def test_steps_to_the_thesis_are_those_of_the_first_two_evaluations_that_are_goo
     assert cell(table, "rc", "control_steps")["low"] == 0.0, "no run takes less than nothing"
     assert cell(table, "rc", "ratio")["mean"] == pytest.approx(125.0 / 500_000)
     assert set(table["method"]) == {"rc"}
+
+
+def test_a_learner_that_the_thesis_does_not_have_is_held_against_its_rc(made, thesis):
+    more = made[made["method"] == "rc"].assign(method="search")
+    found = run("search", 0, (10, 0.5), (20, 0.7), (30, 0.7))
+    table = steps_to_thesis(pd.concat([made, more]), {"pick_place": [found]}, thesis)
+    assert cell(table, "search", "control_steps")["mean"] == 20
+    assert cell(table, "search", "reached")["mean"] == 1.0

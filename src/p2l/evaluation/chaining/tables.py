@@ -149,11 +149,13 @@ def figure_5_8(runs: Mapping[str, Iterable[Learning]], thesis: Thesis) -> pd.Dat
 def steps_to_thesis(table: pd.DataFrame, runs: Mapping[str, Iterable[Learning]], thesis: Thesis) -> pd.DataFrame:
     """Control steps at which a run first does as well as the thesis's learner, and their ratio to the thesis's budget.
 
+    A learner that the thesis does not have is held against the thesis's RC.
+
     Overall success during training = nominal + (1 − nominal) · success of an evaluation, nominal being that of
     `table_5_1`; for a learner of the whole task, that of the evaluation. Since one of many evaluations is good by luck,
     it must be reached in two in a row, of which the first counts. Runs that never get there count with all their steps,
-    and `reached` says how many do. A learner that the thesis finds no better than the nominal skills, or that the table
-    lacks, has no rows.
+    and `reached` says how many do. A learner whose success in the thesis the nominal skills here have without it, or
+    that the table lacks, has no rows.
     """
     rows: list[Row] = []
     for world, world_runs in runs.items():
@@ -162,7 +164,8 @@ def steps_to_thesis(table: pd.DataFrame, runs: Mapping[str, Iterable[Learning]],
         methods, recovering = set(here["method"]), set(here[here["metric"] == "recovery"]["method"])
         base = here[here["method"] == "nominal"]
         for learner, own in _by_learner(world_runs).items():
-            success = thesis.value(TABLE, "rc" if learner == "lazy_rc" else learner, setting, "success")
+            own_success = thesis.value(TABLE, learner, setting, "success")
+            success = thesis.value(TABLE, "rc", setting, "success") if own_success is None else own_success
             if success is None or not len(base) or learner not in methods:
                 continue
             before = float(base["mean"].iloc[0]) if learner in recovering else 0.0
