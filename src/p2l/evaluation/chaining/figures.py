@@ -19,6 +19,7 @@ LEARNERS: dict[str, MethodStyle] = {
     "pp": MethodStyle("PP", "#D55E00", "^"),
     "rl": MethodStyle("RL", "#555555", "X"),
     "search": MethodStyle("Search", "#009E73", "D"),
+    "search_mixed": MethodStyle("Search, mixed", "#CC79A7", "D"),
 }
 MAIN = "rc"
 BESIDE_MAIN = "success_minus_rc"
