@@ -31,7 +31,7 @@ if [ "$(cat "$clone/.git/thesis-head" 2> /dev/null || true)" != "$head" ]; then
   git -C "$clone" fetch --quiet origin
   git -C "$clone" checkout --quiet --force --detach "$head"
   sed -i -e 's/^preset: [a-z]*/preset: thesis/' \
-    -e 's/^  - door$/&\n  - door_early/' \
+    -e 's/^  - door$/&\n  - door_early\n  - door_real\n  - door_blurred\n  - nut/' \
     -e 's/^chain_worlds: \[.*\]/chain_worlds: [pick_place, shelf, cluttered_shelf]/' "$clone/conf/pipeline.yaml"
   [ -f "$clone/.git/thesis-lock" ] && cp "$clone/.git/thesis-lock" "$clone/dvc.lock"
   mkdir -p "$root/results/thesis" "$clone/results"
