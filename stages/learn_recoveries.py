@@ -32,7 +32,7 @@ def run(cfg: LearnRecoveriesConfig, out: Path, track: Tracker) -> None:
     """Train with every chooser and seed; keep the first chooser's skills, all rounds, and figures 4.6 and 4.7."""
     choosers = {name: make_chooser(cfg.choosers[name].key, cfg.choosers[name].params) for name in cfg.compare}
     inputs, records = inputs_of(cfg, out), cfg.records or out / "records"
-    setting, budget = inputs.setting, dict[str, Any](rounds=cfg.rounds, episodes=cfg.episodes)
+    setting, compare, budget = inputs.setting, cfg.compare, dict[str, Any](rounds=cfg.rounds, episodes=cfg.episodes)
     for chooser in choosers.values():
         check_budget(setting.graph, chooser, **budget)
     code = code_of("learn_recoveries", cfg, cfg.records)
@@ -47,13 +47,13 @@ def run(cfg: LearnRecoveriesConfig, out: Path, track: Tracker) -> None:
                     history = train_recoveries(trainer, setting.graph, chooser, report=report, **budget)
                 args = cfg.item, trainer, name, setting.graph, history, split, budget | cfg.choosers[name].model_dump()
                 histories[seed, name], values[seed, name] = history, keep_history(records, *args)
-            ledgers[seed], first = trainer.ledger, histories[seed, cfg.compare[0]]
+            ledgers[seed], first = trainer.ledger, histories[seed, compare[0]]
             learnt = collect(trainer, setting.modes, setting.graph, first, cfg.episodes)
             save_recoveries(out / "recoveries" / f"s{seed}.npz", learnt)
             save_arrays(out / "histories" / f"s{seed}.npz", first.arrays(), schema="recovery_history", version=1)
             if seed == cfg.seeds[0]:
                 films = film(cfg, inputs, learnt, out / "videos")
-    tell(track, learning_report(out, cfg.item, setting, histories, values, ledgers, cfg.compare), log, films)
+    tell(track, learning_report(out, cfg.item, setting, histories, values, ledgers, compare, cfg.episodes), log, films)
 
 
 if __name__ == "__main__":

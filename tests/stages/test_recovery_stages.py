@@ -121,6 +121,11 @@ def test_with_guesses_recoveries_work_before_they_are_trained_and_what_they_reac
     learn(folder, tmp_path / "b", **settings, query=sought, records=str(tmp_path / "a" / "records"))
     for name in RESULTS:
         assert (tmp_path / "b" / name).read_bytes() == (tmp_path / "a" / name).read_bytes(), "from the records alone"
+    fewer = settings | {"rounds": 2, "records": str(tmp_path / "a" / "records")}
+    learn(folder, tmp_path / "c", **fewer, query=sought)
+    assert len(pd.read_csv(tmp_path / "c" / "queries.csv")) == 2, (
+        "the ledger holds a third one, which nobody asked here"
+    )
 
 
 def test_each_mode_is_filmed_on_the_way_into_a_failure_and_out_of_it(tracked):

@@ -15,10 +15,9 @@ Where the facts are silent:
    last rollouts succeed often enough.
 4. A search none of whose rollouts reached the target in the first `hopeless` updates is given up: on the door no such
    search was solved later, and they took a quarter of all updates. `all_updates` gives up none.
-5. A learnt precondition is a classifier, and a search finds where it errs: with a wide distribution all of a door's
-   recoveries reached `pull_handle` as learnt, and two in three pulls from there failed. With `verify` a target counts
-   as reached where its precondition holds and the nominal skills from there on reach the goal. It costs the simulation
-   of these skills from where the precondition holds.
+5. A learnt precondition is a classifier, and a search finds where it errs. With `verify` a target counts as reached
+   where its precondition holds and the nominal skills from there on reach the goal. It costs the simulation of these
+   skills from where the precondition holds.
 6. A rollout whose simulation breaks down gets the lowest return of its update.
 
 All rollouts of an update are one batch of the engine; several queries share batches and stay independent of each

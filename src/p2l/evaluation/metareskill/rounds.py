@@ -31,12 +31,19 @@ def rounds_table(histories: Histories, reported: Values, targets: Sequence[str])
     return pd.DataFrame(rows)
 
 
-def queries_table(ledgers: Mapping[int, Ledger], targets: Sequence[str]) -> pd.DataFrame:
-    """A row per query: `seed, mode, target, number, failure, solved, updates, rollouts, success, kl_nats, q`.
+def queries_table(
+    histories: Histories, ledgers: Mapping[int, Ledger], targets: Sequence[str], episodes: int
+) -> pd.DataFrame:
+    """A row per query that a chooser has asked, `episodes` in each of its rounds; a ledger may hold more.
 
+    Columns `seed, mode, target, number, failure, solved, updates, rollouts, success, kl_nats, q`.
     `number` counts the queries of a recovery from 0, `success` is of its last update's rollouts; `kl_nats` is the
     median over the updates of how far the search distribution moved, KL(new ‖ old), NaN where none did.
     """
+    asked = {
+        seed: np.max([each.counts for (own, _), each in histories.items() if own == seed], axis=0) * episodes
+        for seed in ledgers
+    }
     rows = [
         {
             "seed": seed,
@@ -53,6 +60,7 @@ def queries_table(ledgers: Mapping[int, Ledger], targets: Sequence[str]) -> pd.D
         }
         for seed, ledger in ledgers.items()
         for (mode, target, number), entry in sorted(ledger.entries.items())
+        if number < asked[seed][mode, target]
     ]
     return pd.DataFrame(rows)
 

@@ -34,6 +34,7 @@ def learning_report(
     reported: Values,
     ledgers: Mapping[int, Ledger],
     choosers: Sequence[str],
+    episodes: int,
 ) -> StageReport:
     """Write the tables of rounds, queries, figures 4.6 and 4.7 and choosers, the figures, the graphs and summary.json.
 
@@ -45,6 +46,7 @@ def learning_report(
         reported: values to report of them, see `metareskill.reported`.
         ledgers: by seed, with the queries of all choosers.
         choosers: the first one's skills are kept.
+        episodes: trainings in a round.
     """
     targets, first = setting.task.targets, choosers[0]
     values = value_table(reported)
@@ -52,7 +54,7 @@ def learning_report(
     comparison = comparison_table(values, first)
     tables = {
         "rounds": rounds_table(histories, reported, targets),
-        "queries": (asked := queries_table(ledgers, targets)),
+        "queries": (asked := queries_table(histories, ledgers, targets, episodes)),
         "figure_4_6": allocation,
         "figure_4_7": values,
         "choosers": comparison,
